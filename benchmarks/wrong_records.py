@@ -19,7 +19,7 @@ KINDS = (
     "power-law",
     "timing",
     "lift-off",
-    "wrong-tip",
+    "another tip",
     "drift",
     "stiffening",
 )
@@ -119,7 +119,7 @@ def _force(p: Palpation, kind: str, time: Floats, depth: Floats, rate: Floats) -
             return hertz + sum(_relaxing(0.06 * hertz, step, t) for t in times)
         case "lift-off":  # the surface does not pull: it comes back slower than the tip leaves
             return np.maximum(hertz + dashpot, 0.0)
-        case "wrong-tip":  # a cone of the same force at the mean depth
+        case "another tip":  # a cone of the same force at the mean depth
             return hertz * np.sqrt(d / p.depth) + dashpot
         case "stiffening":  # strain hardening
             return hertz * (1.0 + 0.5 * d / p.radius) + dashpot

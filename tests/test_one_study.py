@@ -4,83 +4,30 @@ A study of curves in two groups, each with a height of its own that nobody has s
 map. What two screens say of one number, one fact or one verdict is compared; commands are run as they are printed.
 """
 
-import csv
-import html
 import json
 import re
-import shlex
 import shutil
 import warnings
 from collections import Counter
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import palpate as python
 import pytest
 from palpate_desk.folder_view import row_messages
 from palpate_engine import verdict_rank
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_report.run_contents import RunContents
+from palpate_report.run_figures import draw
+from palpate_report.run_report import subject_of
+from palpate_report.run_verdict import judge
 
 from tests.command import call
+from tests.screen_words import banned_phrases, unknown_heads, unknown_verdicts
+from tests.study_screens import Study, commands, options, words_of_page
 
-WORDS = ("good", "doubtful", "not determined", "invalid")
 QUANTITY = r"(-?[\d.]+|\(-?[\d.]+) ± ([\d.]+)"
 pytestmark = [pytest.mark.gate, pytest.mark.slow]
 ROOT = Path(__file__).parents[1]
-
-
-def press(seed, elasticity, thickness, n=250):
-    """Time [s], force [N] and height [mm] of a press at 1.5 mm/s on a bonded layer [m], held at the end."""
-    random = np.random.default_rng(seed)
-    time = np.arange(n) / 125
-    depth = np.minimum(2.5e-3, 1.5e-3 * time) - 0.5e-3
-    contact = np.maximum(depth, 0.0)
-    share = np.sqrt(5e-3 * contact) / thickness
-    stiffer = 1 + 1.133 * share + 1.497 * share**2 + 1.469 * share**3 + 0.755 * share**4
-    force = 16 / 9 * elasticity * np.sqrt(5e-3) * contact**1.5 * stiffer + 2e-3 * random.standard_normal(n)
-    return np.column_stack([time, force, -1e3 * depth + 2e-4 * random.standard_normal(n)])
-
-
-class Study:
-    """The folder of a study, and what its commands have printed."""
-
-    def __init__(self, folder, each):
-        self.folder, self.each = folder, each
-        (folder / "study").mkdir()
-        self.heights = {}
-        for group, (name, elasticity) in enumerate((("ctrl", 15e3), ("treat", 22e3))):
-            for number in range(each):
-                height = 8e-3 + 6e-3 * number / each
-                file = f"{name}_{number + 1:02d}.csv"
-                table = press(100 * group + number, elasticity * (1 + 0.03 * (number % 3)), height)
-                head = "time_s,force_N,height_mm"
-                np.savetxt(folder / "study" / file, table, "%.9g", ",", header=head, comments="")
-                self.heights[file] = height
-        self.printed = self("fit", "study", "--tip", "sphere 5 mm", "--by", "(ctrl|treat)", "--out", "fits")
-
-    def __call__(self, *words):
-        words = [*words, "--jobs", "1"] if words[0] == "fit" and not {"--pipeline", "choose"} & {*words} else words
-        return call(*words, cwd=self.folder, COLUMNS="79")
-
-    def rows(self, table="fits"):
-        with (self.folder / table / "fits.csv").open(newline="") as file:
-            return {Path(row["curve"]).stem: row for row in csv.DictReader(file)}
-
-    def text(self, *words):
-        done = self(*words)
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
-    def page(self, name, *words):
-        """The text of a page, its blanks as one."""
-        self.text("report", *words, "--out", name)
-        return words_of_page((self.folder / name).read_text())
-
-
-def words_of_page(page):
-    page = re.sub(r"<(script|style|svg).*?</\1>", " ", page, flags=re.S)
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).replace("\xa0", " ").split())
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +44,27 @@ def run(tmp_path_factory):
     done = call("run", "two.toml", "--out", "two", cwd=folder, COLUMNS="79")
     assert done.returncode == 0, done.stderr
     return folder, done.stdout
+
+
+AREA = (
+    'run.tracks=["*/smoother"]', 'trajectory.raster.size=["24 mm", "16 mm"]', "trajectory.raster.pitch=4 mm",
+    'trajectory.raster.centre=["-16 mm", "6 mm"]', "trajectory.raster.speed=8 mm/s",
+    "estimator.smoother.sweep_speed=8 mm/s",
+)  # fmt: skip
+SETTINGS = [word for setting in AREA for word in ("--set", setting)]
+
+
+@pytest.fixture(scope="module")
+def area(tmp_path_factory):
+    """A map over the sphere of the example, its lumps as printed, and its folder."""
+    folder = tmp_path_factory.mktemp("area")
+    done = call("run", ROOT / "pipelines" / "raster.toml", *SETTINGS, "--out", "area", cwd=folder, COLUMNS="79")
+    assert done.returncode == 0, done.stderr
+    printed = [call("map", *words, "area", cwd=folder, COLUMNS="79") for words in ((), ("lumps",))]
+    assert [made.returncode for made in printed] == [0, 0], printed
+    page = call("report", "area", cwd=folder)
+    assert page.returncode == 0, page.stderr
+    return folder, done.stdout, printed[1].stdout
 
 
 def shown(row, name, factor):
@@ -118,9 +86,6 @@ def cells_after(text, name):
             re.findall(rf"{QUANTITY}([^±\d-]*)", line)]  # fmt: skip
 
 
-VALUES = {  # of the user, in place of VALUE
-    "--thickness": "12 mm", "--tip": "sphere 5 mm", "--poisson": "0.5", "--base": "bonded", "--delay": "0 ms +- 1 ms",
-}  # fmt: skip
 UNITS = (("elasticity", 1e-3), ("viscosity", 1.0))
 
 
@@ -199,20 +164,39 @@ def test_a_unit_is_written_in_one_way(study, run):
         assert "Pa*s" not in text
 
 
-def test_every_printed_command_runs_as_it_is_printed(study):
+def test_every_command_of_the_study_runs_as_it_is_printed(study):
     printed = study.printed.stdout + study.text("fit", "fits")
-    commands = re.findall(r"(?:^|[ :`])(palpate [a-z][^\n`]*)", printed, re.MULTILINE)
-    assert any("VALUE" in line for line in commands)
-    for number, command in enumerate(part for line in dict.fromkeys(commands) for part in line.split(" && ")):
-        words = shlex.split(command)[1:]
-        for option, value in VALUES.items():
-            words = [value if (last, word) == (option, "VALUE") else word for last, word in pairwise(["", *words])]
-        assert "VALUE" not in words, command
+    assert "VALUE" in printed
+    for number, words in enumerate(commands(printed)):
         words += ["--out", f"again-{number}"] if words[:2] == ["fit", "study"] else []
         if words[:2] == ["fit", "fits"]:  # which would be another folder of fits for all that comes after
             words[1] = shutil.copytree(study.folder / "fits", study.folder / f"fits-{number}").name
         done = study(*words)
-        assert done.returncode == 0, command + done.stderr
+        assert done.returncode == 0, f"{words}: {done.stderr}"
+
+
+def test_every_command_of_a_run_and_of_a_map_runs_as_it_is_printed(run, area):
+    for folder, printed, *_ in (run, area):
+        shown = list(commands(printed))
+        assert [words[0] for words in shown].count("report") == 2
+        for words in shown:
+            done = call(*words, cwd=folder)
+            assert done.returncode == 0, f"{words}: {done.stderr}"
+
+
+def test_an_option_that_states_a_fact_belongs_to_the_command_that_printed_it(study, area):
+    page = ("fit", "study/ctrl_01.csv", "--pipeline", "fits/pipeline.toml")
+    printed = study.text(*page, "--out", "open")
+    assert "--thickness" in options(printed)
+    height = ("--thickness", f"{1e3 * study.heights['ctrl_01.csv']:g} mm")  # the last of an option counts
+    assert "--thickness VALUE" not in study.text(*page, *options(printed), *height, "--out", "stated")
+    folder, printed, _ = area
+    stated = call(
+        "run", ROOT / "pipelines" / "raster.toml", *SETTINGS, *options(printed), "--out", "stated", cwd=folder
+    )
+    assert stated.returncode == 0, stated.stderr
+    assert options(printed)
+    assert not options(stated.stdout)
 
 
 def test_stating_a_fact_of_one_value_leaves_the_word_of_another(study):
@@ -275,3 +259,74 @@ def test_the_page_of_a_folder_has_value_and_verdict_of_each_curve(study):
     for name, row in study.rows().items():
         elasticity, viscosity = (row[f"{key}_verdict"] for key, _ in UNITS)
         assert re.search(rf"{name}\.csv {QUANTITY} kPa {elasticity} {QUANTITY} Pa s {viscosity}", page), name
+
+
+def crosses(figure):
+    """Places [mm] of the crosses of a figure of a map."""
+    lines = [line for axis in figure.axes for line in axis.lines if line.get_marker() == "+"]
+    return [(float(x), float(y)) for line in lines for x, y in zip(*line.get_data(), strict=True)]
+
+
+def test_a_lump_has_one_place_on_terminal_page_picture_and_in_json(area):
+    folder, _, printed = area
+    lumps = json.loads((folder / "area" / "maps" / "lumps.json").read_text())["lumps"]
+    places = [(1e3 * lump["x"], 1e3 * lump["y"]) for lump in lumps]
+    assert places
+    contents = RunContents.read(folder / "area")
+    picture = draw("map", subject_of(contents, judge(contents)))
+    assert crosses(picture.figure) == places
+    of_map = json.loads(call("map", "area", "--json", cwd=folder).stdout)["lumps"]
+    assert [(1e3 * lump["place"][0], 1e3 * lump["place"][1]) for lump in of_map] == places
+    page = words_of_page((folder / "area" / "report.html").read_text()).partition("Lumps")[2]
+    for (x, y), lump in zip(places, lumps, strict=True):
+        extent = " x ".join(f"{1e3 * size:.1f}" for size in lump["extent"])
+        row = rf"{x:.1f} +{y:.1f} +{extent} +{100 * lump['contrast']:.1f} ± {100 * lump['contrast_std']:.1f} +\S+"
+        assert re.search(row, printed)
+        assert re.search(row, page)
+
+
+def test_a_map_has_its_range_on_every_screen(area):
+    folder, printed, _ = area
+    ((_, track),) = json.loads((folder / "area" / "result.json").read_text())["tracks"].items()
+    page = words_of_page((folder / "area" / "report.html").read_text())
+    for name, symbol, factor in (("elasticity", "E", 1e-3), ("viscosity", "eta", 1.0)):
+        found = track["parameters"][name]
+        text = " to ".join(f"{factor * found['places'][end]:.4g}" for end in ("low", "high"))
+        assert re.search(rf"^  {symbol} +{text} .*{found['verdict']}", printed, re.MULTILINE)
+        assert page.count(text) == 3  # at the top, as a number of the main track, in the table of all tracks
+        assert f"{name} {text}" in page.partition("All tracks")[2]
+
+
+@pytest.fixture(scope="module")
+def screens(study, run, area):
+    """The text of every screen of the study, the run and the map, by its name."""
+    (study.folder / "bare.csv").write_text((study.folder / "study" / "ctrl_01.csv").read_text().replace("_N", "", 1))
+    folder, printed = run
+    assert call("report", "two", "--out", "words.html", cwd=folder).returncode == 0
+    page = ("fit", "study/ctrl_01.csv", "--pipeline", "fits/pipeline.toml", "--out", "page")
+    return {
+        "fit of a folder": study.printed.stdout + study.printed.stderr,
+        "fit of a file": study.text("fit", "bare.csv", "--tip", "sphere 5 mm", "--out", "bare"),
+        "fit by a pipeline": study.text(*page),
+        "fit again": study.text("fit", "fits"),
+        "repeat": study.text("repeat", "fits", "--by", "group"),
+        "review": study.text("repeat", "review", "fits"),
+        "methods": study.text("report", "fits", "--methods"),
+        "page of a folder": study.page("screens.html", "fits"),
+        "page of groups": study.page("groups.html", "fits", "--by", "group"),
+        "page of a curve": study.page("curve.html", "page/ctrl_01").partition("Pipeline as")[0],
+        "run": printed,
+        "page of a run": words_of_page((folder / "words.html").read_text()).partition("Pipeline as")[0],
+        "map": area[1] + area[2],
+        "page of a map": words_of_page((area[0] / "area" / "report.html").read_text()).partition("Pipeline as")[0],
+    }
+
+
+def test_only_words_that_may_reach_a_screen_do(screens):
+    for name, text in screens.items():
+        assert not banned_phrases(text), name
+        assert not unknown_heads(text), name
+        assert not unknown_verdicts(text), name
+    every = " ".join(screens.values())
+    assert "unit of the force: N" in every
+    assert all(re.search(rf"\b{word}\b", every) for word in ("good", "doubtful", "not determined"))

@@ -52,7 +52,7 @@ _ESTIMATE = {
     ),
     "undetermined": _note(
         "The record does not determine a value: it may be none within two standard uncertainties.",
-        "Record a motion on which the value has more effect, or lessen the largest row of its budget.",
+        "Press at two speeds or oscillate, in which a viscosity shows; press deeper for any other value.",
     ),
     "not-converged": _doubtful(
         "The estimate still moves at the end, too little was tracked, or a solver stopped early.",

@@ -38,6 +38,7 @@ from .config import (
     wrong_channels as wrong_channels,
 )
 from .config.declared_uncertainties import (
+    POISSON_RANGE as POISSON_RANGE,
     POISSON_STD as POISSON_STD,
     READINGS as READINGS,
     declared_std as declared_std,
@@ -60,6 +61,7 @@ from .config.rig_facts import (
     position_of as position_of,
     question_of as question_of,
     read_rig as read_rig,
+    remedy_of as remedy_of,
     words_that_state as words_that_state,
 )
 from .config.rig_settings import (
@@ -155,6 +157,7 @@ from .result import (
     make_folder as make_folder,
     withdraw_folder as withdraw_folder,
 )
+from .result.materiality import row_words as row_words
 from .result.track_result import TrackSummary as TrackSummary
 from .safety import (
     MotionLimits as MotionLimits,

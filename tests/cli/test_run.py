@@ -38,7 +38,7 @@ def test_details_are_everything(palpate, point_pipeline, tmp_path):
 def test_the_run_folder(palpate, point_pipeline, tmp_path):
     assert palpate("run", point_pipeline, *SHORT, "--seed", 7).returncode == 0
     (folder,) = (tmp_path / "runs").iterdir()
-    assert folder.name.endswith("_S2-sphere-R-5-mm-simulated")
+    assert folder.name.endswith("_S2-simulated")
     names = {path.name for path in folder.iterdir()}
     assert names == {"pipeline.toml", "given.toml", "result.json", "estimates.csv", "log.mcap"}
     assert (folder / "given.toml").read_text() == point_pipeline.read_text()

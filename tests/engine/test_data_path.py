@@ -24,7 +24,7 @@ def test_a_sink_knows_name_duration_and_extent_and_gets_the_result_last(point_pi
     result = run_pipeline(pipeline, tmp_path / "out")
     (listener,) = LISTENERS
     run = listener.run
-    assert run.name == "S2, sphere R 5 mm, simulated"
+    assert run.name == "S2, simulated"
     assert run.duration == next(iter(pipeline.trajectories.values())).total_duration
     (x, y, low), (_, _, high) = run.extent
     assert (x, y) == (0.0, 0.0)

@@ -67,7 +67,7 @@ def test_a_value_within_two_uncertainties_of_none_is_not_determined():
         assert weighed.by_value == {"elasticity": verdict, "viscosity": "good"}
     (note,) = weighed.findings
     assert (note.code, note.severity) == ("undetermined", "note")
-    assert "at most 0.202 kPa; most of its ± is settling" in note.message
+    assert "at most 0.202 kPa; most of its ± is what the estimate may still move" in note.message
 
 
 @pytest.mark.parametrize(

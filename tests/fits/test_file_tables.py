@@ -15,7 +15,7 @@ from palpate_kit.terminal.result_table import ResultFinding
 THICK = "specimen thicker than 49 mm: 22 mm makes elasticity 11 % lower"
 LEVEL = "the position is of the tip, and no command"
 SIGN = "the force grows faster with depth than on a half-space; thickness would explain 96 % of it"
-LAYER = f"lack-of-fit[thickness, wrong-tip] elasticity 0.3: {SIGN} -> --thickness VALUE"
+LAYER = f"lack-of-fit[thickness, another tip] elasticity 0.3: {SIGN} -> --thickness VALUE"
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_a_finding_is_the_same_in_a_cell_and_out_of_it():
     own = {"remedy": "--thickness VALUE", "suspects": ("thickness",), "moves": ("elasticity",)}
     flag = Flag("lack-of-fit", SIGN, "doubtful", {"elasticity": 3e4}, **own)
     finding = ResultFinding.of_flag(flag, {"elasticity": 1e5, "viscosity": 40.0})
-    assert finding.cell == LAYER.replace("thickness, wrong-tip", "thickness")
+    assert finding.cell == LAYER.replace("thickness, another tip", "thickness")
     severities = {"lack-of-fit": "doubtful"}
     assert list(ResultFinding.of_cell(" | ".join([finding.cell] * 2), severities)) == [finding, finding]
     assert Flag.of_table(flag.table()) == flag

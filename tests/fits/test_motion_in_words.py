@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from palpate_kit.terminal.motion_text import motion_numbers, motion_text, row_motion
+from palpate_kit.terminal.motion_text import measured_text, motion_numbers, row_motion
 
 from tests.fits.test_two_tips import RIG, write
 
@@ -18,14 +18,14 @@ PRESS = {"speed": 1.01e-3, "shallowest": 0.0, "deepest": 2e-3}
         ([], ""),
         ([{}], ""),
         ([SINE], "2 Hz, 2.2 to 4.3 mm deep"),
-        ([PRESS | {"half_space_from": 0.161}], "press 1 mm/s, 0 to 2 mm deep; half-space: above 160 mm"),
+        ([PRESS | {"half_space_from": 0.161}], "press 1 mm/s, 0 to 2 mm deep; half-space: thickness above 160 mm"),
         ([PRESS, PRESS | {"speed": 2e-3, "deepest": 3e-3}], "press 1 or 2 mm/s, 0 to 3 mm deep"),
         ([PRESS, SINE, SINE], "2 Hz (2 curves) or press 1 mm/s (1 curve), 0 to 4.3 mm deep"),
         ([{"shallowest": 1e-6, "deepest": 2e-6}], "in contact, 1 to 2 um deep"),
     ],
 )
 def test_motions_of_records_are_one_phrase(motions, words):
-    assert motion_text(motions) == words
+    assert measured_text(motions) == words
 
 
 def test_a_row_and_a_result_hold_the_same_motion():
@@ -50,14 +50,15 @@ def half_space(path, oscillates):
 @pytest.mark.parametrize(
     ("oscillates", "words"),
     [
-        (False, "press 1 mm/s, 0 to 2 mm deep; half-space: above "),
-        (True, "3 Hz, 1.5 to 2.5 mm deep; half-space: above "),
+        (False, "press 1 mm/s, 0 to 2 mm deep"),
+        (True, "3 Hz, 1.5 to 2.5 mm deep"),
     ],
 )
 def test_the_first_line_says_what_was_measured(palpate, tmp_path, oscillates, words):
     half_space(tmp_path / "press.csv", oscillates)
     (tmp_path / "rig.toml").write_text(RIG)
     done = palpate("fit", tmp_path / "press.csv", "--thickness", "half-space", "-o", tmp_path / "fits")
+    assert "half-space (thickness above " in done.stdout
     assert words in " ".join(done.stdout.split())
     (row,) = csv.DictReader((tmp_path / "fits" / "fits.csv").read_text().splitlines())
     # A bonded layer of that height would be as much stiffer as the value is uncertain (Dimitriadis, first order).

@@ -56,7 +56,7 @@ def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     assert file.stat().st_size < 500_000
     page = read(file)
     words = [
-        "S2, sphere R 5 mm", "good", "one standard uncertainty",
+        "S2, simulated", "good", "one standard uncertainty",
         "All tracks", "elasticity", "kPa", "Flags", "What helps", "Force and model",
         "Lack of fit", "Estimates over time", "Innovations", "Budget of uncertainty", "share of variance",
         "Calibration and tare", "Streams", "Where it comes from", "versions", "Pipeline as given",

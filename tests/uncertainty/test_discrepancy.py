@@ -85,7 +85,7 @@ def test_a_fact_of_the_rig_is_a_finding_where_no_material_rivals_it(explanations
 
 
 def test_the_finding_has_the_largest_shift_of_the_facts_that_explain_as_much():
-    facts = {"wrong-tip": explanation(500.0, (-1e3, 0.0)), "thickness": explanation(490.0, (-2e3, 0.0))}
+    facts = {"another tip": explanation(500.0, (-1e3, 0.0)), "thickness": explanation(490.0, (-2e3, 0.0))}
     (flag,) = judge_misfit(misfit(facts), LAW, {}, "").flags
     assert flag.effects["elasticity"] == 2e3
     assert flag.causes == ()  # compared with the whole uncertainty, the row included

@@ -174,7 +174,7 @@ def test_a_layer_that_nobody_stated_is_a_finding_that_moves_the_value_to_it(evid
     finding = judged(track)
     (flag,) = finding.flags
     assert flag.code == "lack-of-fit"
-    assert finding.table["wrong_facts"][:2] == ["thickness", "wrong-tip"]
+    assert finding.table["wrong_facts"][:2] == ["thickness", "another tip"]
     assert track.values[0] > 1.4 * E
     assert flag.effects["elasticity"] > 10 * finding.terms["elasticity"]  # beyond any uncertainty
 
@@ -201,9 +201,9 @@ def test_a_faint_memory_is_not_taken_for_noise_of_the_motion(evidence):
 
 @pytest.mark.slow
 def test_another_tip_is_one_of_two_causes_that_are_named(evidence):
-    track = evidence("wrong-tip", CasadiFit())
+    track = evidence("another tip", CasadiFit())
     finding = judged(track)
-    assert finding.table["wrong_facts"][:2] == ["thickness", "wrong-tip"]  # a layer explains the quartic tip as well
+    assert finding.table["wrong_facts"][:2] == ["thickness", "another tip"]  # a layer explains the quartic tip as well
     assert finding.flags[0].effects["elasticity"] > 0.25 * track.values[0]
 
 
@@ -281,7 +281,7 @@ def test_a_fit_that_has_lost_the_contact_is_judged_without_a_word_of_numpy():
         (0.0, 0.0),
     )
     lost = Refit("", np.array([4e3, 250.0]), -0.037, np.array([[4e3, 250.0]]), course.force)
-    assert {"thickness", "wrong-tip"}.isdisjoint(alternatives(course, lost))
+    assert {"thickness", "another tip"}.isdisjoint(alternatives(course, lost))
 
 
 def test_noise_of_the_motion_makes_a_force_by_the_slopes_of_the_model(evidence):

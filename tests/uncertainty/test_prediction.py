@@ -3,8 +3,9 @@
 import numpy as np
 import palpate
 import pytest
+from palpate_kit.terminal.prediction_text import BLOCK, HALF
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_uncertainty.prediction import BLOCK, HALF, predict_other_half
+from palpate_uncertainty.prediction import predict_other_half
 
 RADIUS, MODULUS = 5e-3, 50e3  # m, Pa
 TIME = np.arange(2000) / 500.0  # s

@@ -10,7 +10,8 @@ from palpate.contact import ContactModel
 from palpate.parts import numbers_of
 from palpate.units import to_si
 
-POISSON_STD = 0.02 / math.sqrt(3)  # of a Poisson's ratio: a rectangular distribution that ends at the value
+POISSON_RANGE = 0.02  # below a Poisson's ratio whose uncertainty nobody declares: a choice
+POISSON_STD = POISSON_RANGE / math.sqrt(3)  # a rectangular distribution that ends at the value
 READINGS = {"force_scale": "1", "position_scale": "1"}
 
 

@@ -219,6 +219,20 @@ def words_that_state(fact: str) -> str:
     return f"{option_of(facts_stated().get(fact, fact))} VALUE"
 
 
+UNIT_OF = "unit of the "  # before the role of a column, as a fact
+# What settles a fact that no option states.
+_SETTLED_BY = {"noise": "record 0.2 s at rest in air first", "frequency": "palpate init chirp"}
+
+
+def remedy_of(fact: str) -> str:
+    """Return what settles a fact of a condition, the same for a run and for a row of fits; empty for any other."""
+    if fact in facts_stated() or fact == "rate":
+        return words_that_state(fact)
+    if fact.startswith(UNIT_OF):
+        return f'units = {{ COLUMN = "VALUE" }} in {RIG} next to the files'
+    return _SETTLED_BY.get(fact, "")
+
+
 def read_rig(path: Path) -> RigFacts:
     """The facts in a file; raises ConfigurationError with every mistake at once."""
     try:

@@ -17,7 +17,7 @@ from palpate.flags import Flag
 
 from palpate_engine.alignment import AlignmentReport, AlignmentSettings
 from palpate_engine.config import Pipeline, resolved_text, setup_flags, values_on_trust
-from palpate_engine.config.rig_facts import words_that_state
+from palpate_engine.config.rig_facts import UNIT_OF, remedy_of
 from palpate_engine.pipeline.device_flags import device_flags
 from palpate_engine.pipeline.interrupt import Interrupt
 from palpate_engine.result import SCHEMA, Condition, TrackResult, contradictions, finite, record_flags, stream_tables
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from palpate_engine.pipeline.live.live_facts import EstimateFacts, LiveFacts
 
 _SECOND = re.compile(r"\bs\b")  # in a unit
+_COLUMN_UNIT = re.compile(r"device\.[^.]+\.columns\.(\w+)\.unit")  # the key of the unit of a column, by its role
 _BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 
 
@@ -174,8 +175,12 @@ def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
     for key in keys:
         if key.startswith("device.") and key.endswith(".rate"):
             timed = [name for name, value in values.items() if _SECOND.search(value.unit)]
-            text, words = f"{float(known[key]):g} rows in a second", words_that_state("rate")
+            text, words = f"{float(known[key]):g} rows in a second", f'--set "{key}=VALUE"'
             yield Condition("rate", text, words, "another rate", dict.fromkeys(timed, math.inf), "assumed")
+            continue
+        if (column := _COLUMN_UNIT.fullmatch(key)) is not None:
+            fact = f"{UNIT_OF}{column[1]}"
+            yield Condition(fact, f"{fact}: {known[key]}", remedy_of(fact), code="assumed")
             continue
         of_tip = key.startswith("indenter.")
         shifts = dict.fromkeys(values, math.inf)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,25 @@ from palpate.registry import Registry
 from palpate.units import display_unit
 
 _OPEN = "undetermined"  # the note on a value that the record does not determine
-_ROWS = {"model_discrepancy": "what the law leaves of the force", "the estimator": "the noise of the record"}
+# Rows of a budget in a sentence, by the name that a finding has as its cause.
+_ROW_WORDS = {
+    "model-discrepancy": "what the law leaves of the force",
+    "noise": "the noise of the record",
+    "settling": "what the estimate may still move",
+    "poisson": "Poisson's ratio",
+    "timing": "the time between force and motion",
+    "tare": "the zero of the force",
+    "mass": "the mass behind the sensor",
+    "radius": "the radius of the tip",
+}
+_STATED = "state it with a smaller uncertainty"
+# What makes such a row smaller.
+_ROW_REMEDIES = dict.fromkeys(("poisson", "timing", "tare", "mass", "radius", "height", "beam"), _STATED) | {
+    "model-discrepancy": "settle what is doubtful first, or compare laws (`palpate fit choose --help`)",
+    "noise": "record for longer",
+    "settling": "record for longer",
+}
+_PER_TIME = re.compile(r"\bs\b")  # in the unit of a viscosity
 _VISIBLE = 1e-3  # of a value: effects below are not listed
 
 
@@ -113,15 +132,23 @@ def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Itera
         elif 2 * u > abs(value.value):
             rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
             most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
+            row = "noise" if most == "the estimator" else most.replace("_", "-")
             word, factor = display_unit(value.unit)
-            size = f"{factor * (abs(value.value) + 2 * u):.3g} {word}"
-            text = f"{name} is at most {size}; most of its ± is {_ROWS.get(most, most.replace('_', ' '))}"
-            yield Flag(
-                "undetermined",
-                text,
-                effects={name: u},
-                suspects=("noise" if most == "the estimator" else most.replace("_", "-"),),
-            )
+            size = f"{float(f'{factor * (abs(value.value) + 2 * u):.3g}'):g} {word}"
+            text = f"{name} is at most {size}; most of its ± is {row_words(row)}"
+            yield Flag("undetermined", text, effects={name: u}, remedy=_row_remedy(row, value.unit), suspects=(row,))
+
+
+def row_words(row: str) -> str:
+    """Return a row of a budget in a sentence, by its name with hyphens."""
+    return _ROW_WORDS.get(row, row.replace("-", " "))
+
+
+def _row_remedy(row: str, unit: str) -> str:
+    """Return what makes a value of a `unit` larger against this row of its budget, and the row smaller."""
+    is_viscous = _PER_TIME.search(unit) is not None
+    motion = "Press at two speeds or oscillate, in which a viscosity shows" if is_viscous else "Press deeper"
+    return f"{'; '.join(filter(None, [motion, _ROW_REMEDIES.get(row)]))}."
 
 
 def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:

@@ -162,9 +162,7 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
     told |= {key: repr(number) for key, number in motion_numbers(found.diagnoses.get("motion", {})).items()}
     told |= {"better_laws": " ".join(misfit.get("better_laws", ()))}
     told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
-    findings = track_row(
-        found, name, of_record=[one for one in outcome.result.flags if one.severity != "note"]
-    ).findings
+    findings = track_row(found, name, of_record=outcome.result.flags).findings
     told |= {"findings": " | ".join(finding.cell for finding in findings)}
     flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
     failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")

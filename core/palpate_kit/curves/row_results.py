@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from palpate import ContactModel
-from palpate_engine import Registry, facts_stated, words_that_state
+from palpate_engine import Registry, remedy_of
 
 from palpate_kit.curves.curve_fits import row_conditions, value_units
 from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue
@@ -16,19 +16,19 @@ def row_table(rows: Iterable[Mapping[str, str]], model: ContactModel, known: Reg
     """Return the table of rows of fits, whose values are those of a model."""
     units = value_units(model)
     severities = {code: meaning.severity for code, meaning in known.meanings.items()}
-    return ResultTable(tuple(result_row(row, units, severities) for row in rows))
+    results = tuple(result_row(row, units, severities) for row in rows)
+    return ResultTable(results, thing="file" if len({row.track for row in results if row.track}) <= 1 else "row")
 
 
 def result_row(row: Mapping[str, str], units: Mapping[str, str], severities: Mapping[str, str]) -> ResultRow:
     """Return a row of fits as a row of the table; `units` by value, `severities` by code."""
     conditions = row_conditions(row)
-    options = {*facts_stated(), "rate"}
     return ResultRow(
         row.get("curve", ""),
         row.get("track", ""),
         {name: _value(row, name, unit) for name, unit in units.items()},
         conditions,
-        {fact: words_that_state(fact) for fact in conditions if fact in options},
+        {fact: remedy for fact in conditions if (remedy := remedy_of(fact))},
         tuple(ResultFinding.of_cell(row.get("findings", ""), severities)),
         row.get("error", ""),
     )

@@ -10,7 +10,7 @@ from palpate import Flag
 from palpate_engine import TrackComparison
 
 from palpate_kit.runs.result_file import estimate_of
-from palpate_kit.terminal.result_table import OPEN, ResultFinding, ResultRow, ResultTable, TableValue, TrackMeasures
+from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue, TrackMeasures
 
 
 def document_table(document: Mapping[str, Any]) -> ResultTable:
@@ -32,7 +32,7 @@ def document_row(name: str, track: Mapping[str, Any], record: str = "", duration
         values,
         {one["fact"]: one["message"] for one in conditions},
         {one["fact"]: one["remedy"] for one in conditions},
-        tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"]) if judges(flag)),
+        tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"])),
         measures=_measures(track, duration),
     )
 
@@ -43,11 +43,6 @@ def _measures(track: Mapping[str, Any], duration: float) -> TrackMeasures | None
     nis = math.nan if track["nis"] is None else track["nis"]
     comparison = TrackComparison.of_table(track["comparison"])
     return TrackMeasures.of(comparison, nis, track["seconds_per_sample"], track["samples"], duration)
-
-
-def judges(flag: Flag) -> bool:
-    """Return True for a flag that makes a verdict, and no mere note."""
-    return flag.severity != "note" or flag.code == OPEN
 
 
 def table_value(name: str, found: Mapping[str, Any], of_track: str) -> TableValue:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from palpate import ContactModel, Indenter, printable
 from palpate_engine import AlignmentSettings, Pipeline, Registry, Result, numbers_of
 
-from palpate_kit.terminal.motion_text import Numbers, motion_numbers, motion_text
+from palpate_kit.terminal.motion_text import Numbers, layer_limit, motion_numbers, motion_text
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
 
 _TARES = {"free-air": "force zeroed in air", "none": "force as recorded", "calibrated": "force zeroed by calibration"}
@@ -22,22 +22,23 @@ def fact_line(pipelines: Counted, motions: Sequence[Numbers] = ()) -> str:
     As in "sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; press 1 mm/s, 0 to 2 mm deep; force
     zeroed in air".
     """
-    words = facts_in_words(pipelines)
+    words = facts_in_words(pipelines, layer_limit(motions))
     return "; ".join(filter(None, [words.get("tip"), words["model"], motion_text(motions), words["force"]]))
 
 
 def run_subject(pipeline: Pipeline, result: Result) -> str:
     """Return tip and model of a run, the motion of its first track on a point, and the estimator of a single track.
 
-    As in "sphere R 5 mm; 2 Hz, 3.5 to 5.1 mm deep; dr, nu 0.5, half-space; kinematic-ekf".
+    As in "sphere R 5 mm; 2 Hz, 3.5 to 5.1 mm deep; dr, nu 0.5, half-space (thickness above 330 mm); kinematic-ekf".
     """
     if not pipeline.tracks:
         return ""
     tables = [table for track in result.tracks.values() if (table := track.diagnoses.get("motion"))]
-    words = facts_in_words([(pipeline, 1)])
+    motions = [motion_numbers(table) for table in tables[:1]]
+    words = facts_in_words([(pipeline, 1)], layer_limit(motions))
     tip = _DIAMETER.sub("", words.get("tip", "")).replace(", radius ", " R ")
     estimators = [pipeline.registry.name_of(type(track.estimator)) for track in pipeline.tracks]
-    parts = [tip, motion_text([motion_numbers(table) for table in tables[:1]]), words["model"]]
+    parts = [tip, motion_text(motions), words["model"]]
     return "; ".join(filter(None, [*parts, *(estimators if len(estimators) == 1 else [])]))
 
 
@@ -67,9 +68,12 @@ def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
     return None if signal is None else f'"{printable(f"{signal.topic}:{signal.readings[0]}")}"'
 
 
-def facts_in_words(pipelines: Counted) -> dict[str, str]:
-    """What is taken for the tip, where the model has one, the model and the force of the first track of pipelines."""
-    every = [(_phrases(pipeline), count) for pipeline, count in pipelines]
+def facts_in_words(pipelines: Counted, limit: str = "") -> dict[str, str]:
+    """What is taken for the tip, where the model has one, the model and the force of the first track of pipelines.
+
+    `limit` says where a stated half-space holds.
+    """
+    every = [(_phrases(pipeline, limit), count) for pipeline, count in pipelines]
     return {
         key: _merged([(phrases[key], count) for phrases, count in every if key in phrases])
         for key in ("tip", "model", "force")
@@ -77,11 +81,11 @@ def facts_in_words(pipelines: Counted) -> dict[str, str]:
     }
 
 
-def _phrases(pipeline: Pipeline) -> dict[str, Phrase]:
+def _phrases(pipeline: Pipeline, limit: str) -> dict[str, Phrase]:
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
     phrases = {"tip": tip_phrase(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
-    return {**phrases, "model": _joined(_model(model, pipeline)), "force": _joined(_force(pipeline.alignment))}
+    return {**phrases, "model": _joined(_model(model, pipeline, limit)), "force": _joined(_force(pipeline.alignment))}
 
 
 def _merged(counted: Iterable[tuple[Phrase, int]]) -> str:
@@ -110,7 +114,7 @@ def tip_phrase(tip: Indenter, known: Registry) -> Phrase:
     return tuple(phrase)
 
 
-def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[Phrase]:
+def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phrase]:
     name = pipeline.registry.name_of(type(model))
     yield ("".join(word[0] for word in name.split("-")) if "-" in name else name,)
     if isinstance(nu := getattr(model, "poisson", None), float):
@@ -118,7 +122,8 @@ def _model(model: ContactModel, pipeline: Pipeline) -> Iterator[Phrase]:
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
         height = getattr(layer, "height", None)
-        yield ("half-space",) if height is None else (Quantity(height, "m"), " thick")
+        half_space = f"half-space ({limit})" if limit else "half-space"
+        yield (half_space,) if height is None else (Quantity(height, "m"), " thick")
         if (bonded := getattr(layer, "bonded", None)) is not None:
             yield ("glued to its base" if bonded else "sliding on its base",)
     if inclination := getattr(getattr(model, "skin", None), "inclination", 0.0):

@@ -36,6 +36,11 @@ def choose(context: typer.Context, wanted: Layout) -> Layout:
     return wanted
 
 
+def print_line(text: str) -> None:
+    """Print a line of a screen; next to tables in another format on standard error, so that only they are piped on."""
+    typer.echo(text, err=layout() != "table")
+
+
 def tables_in(shown: Any) -> Iterator[Any]:
     """The tables among what is printed, in their order."""
     from rich.console import Group

@@ -1,4 +1,4 @@
-"""The motion that records measured in a few words, as in "2 Hz, 2.2 to 4.3 mm deep; half-space: above 96 mm"."""
+"""The motion that records measured in a few words, as in "2 Hz, 2.2 to 4.3 mm deep"."""
 
 from __future__ import annotations
 
@@ -23,10 +23,7 @@ def motion_numbers(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def motion_text(motions: Sequence[Numbers]) -> str:
-    """Return kind, rate and depths of the motions of some records, by their ranges; empty without any.
-
-    A stated half-space holds within the uncertainty of every record above the largest of their thicknesses.
-    """
+    """Return kind, rate and depths of the motions of some records, by their ranges; empty without any."""
     shown = [motion for motion in motions if "deepest" in motion]
     if not shown:
         return ""
@@ -35,9 +32,22 @@ def motion_text(motions: Sequence[Numbers]) -> str:
     if len(groups) > 1:
         texts = [f"{text} ({curve_count(count)})" for text, (_, count) in zip(texts, groups, strict=True)]
     depths = _interval(min(one["shallowest"] for one in shown), max(one["deepest"] for one in shown))
-    words = f"{' or '.join(texts)}, {depths} deep"
-    thick = max((one["half_space_from"] for one in shown if "half_space_from" in one), default=None)
-    return words if thick is None else f"{words}; half-space: above {_length(thick)}"
+    return f"{' or '.join(texts)}, {depths} deep"
+
+
+def layer_limit(motions: Sequence[Numbers]) -> str:
+    """Return the thickness above which a stated half-space holds for every record; empty where none is stated.
+
+    Above it a bonded layer moves the elasticity of no record by more than its uncertainty.
+    """
+    limits = [motion["half_space_from"] for motion in motions if "half_space_from" in motion]
+    return f"thickness above {_length(max(limits))}" if limits else ""
+
+
+def measured_text(motions: Sequence[Numbers]) -> str:
+    """Return the motions, and where a stated half-space holds."""
+    limit = layer_limit(motions)
+    return "; ".join(filter(None, [motion_text(motions), f"half-space: {limit}" if limit else ""]))
 
 
 def _rate(motion: Numbers) -> Phrase:

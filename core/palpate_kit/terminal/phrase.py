@@ -9,7 +9,6 @@ from dataclasses import dataclass
 _SHOWN = {
     "kg": ("g", 1e3),
     "s": ("ms", 1e3),
-    "m/s": ("mm/s", 1e3),
     "rad": ("deg", math.degrees(1.0)),
 }  # units with their factors
 
@@ -61,10 +60,11 @@ def curve_count(count: int) -> str:
 
 
 def quantity_text(quantity: Quantity) -> str:
-    """A length in mm or um, a mass in g, a time in ms, an angle in degrees, any other number in its SI unit."""
+    """A length or a speed with mm or um, a mass in g, a time in ms, an angle in degrees, others in their SI unit."""
     value, unit = quantity.value, quantity.unit
-    if unit == "m":
-        unit, factor = ("mm", 1e3) if abs(value) >= 1e-4 or not value else ("um", 1e6)
+    if unit in ("m", "m/s"):
+        is_small = 0 < abs(value) < (1e-4 if unit == "m" else 1e-5)
+        unit, factor = (f"u{unit}", 1e6) if is_small else (f"m{unit}", 1e3)
     else:
         unit, factor = _SHOWN.get(unit, (unit, 1.0))
     return f"{value * factor:.{quantity.digits}g}" + ("" if unit == "1" else f" {unit}")

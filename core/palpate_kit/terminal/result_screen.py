@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from palpate_engine import display_unit
+from palpate_engine import display_unit, row_words
 
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import round_number
@@ -31,7 +31,7 @@ SHARED = "every value"  # in place of symbols: a finding on the whole record
 _NAME = 28  # characters of a file's name
 _NAMED = 2  # tracks of a finding that are named, of more their number
 _CAUSED = "\\[[^\\]]*\\]"
-_HEADS = rf"^(doubtful|invalid|not determined){_CAUSED}"
+_HEADS = rf"^(doubtful|invalid|not determined|note){_CAUSED}"
 _ADVICE = r"^ *(help|state|settle|share|why ±|or):"
 
 
@@ -115,11 +115,16 @@ def finding_lines(
 ) -> Iterator[str]:
     """Return each finding once: verdict, code and cause, the values and rows it is of, what, how large, what to type.
 
-    `command` takes the option of a remedy; `advice` are more lines of help by option.
+    Notes follow. `command` takes the option of a remedy; `advice` are more lines of help by option.
     """
     for sentence, remedy in findings_in_words(table):
         yield from filled(sentence, "  ")
         yield from _help(remedy, command, advice or {})
+    for note, rows, _ in table.shared_notes():
+        where = _where(rows, table)
+        yield from filled(f"{note.head}{where}{':' * bool(where)} {with_symbols(_sentence(note, len(rows)))}", "  ")
+    for flag in table.of_record:
+        yield from filled(f"note[{flag.code}] {with_symbols(flag.message)}", "  ")
 
 
 def findings_in_words(table: ResultTable) -> Iterator[tuple[str, str]]:
@@ -142,8 +147,8 @@ def _where(rows: Sequence[ResultRow], table: ResultTable) -> str:
 
 
 def _what(finding: ResultFinding, count: int) -> str:
-    """Return the sentence, of several rows without what differs between them, and the sizes of the effects."""
-    sentence = finding.sentence.partition("; ")[0] if count > 1 else finding.sentence
+    """Return the sentence and the sizes of the effects."""
+    sentence = _sentence(finding, count)
     if finding.word == "not determined":
         alone = count == 1 and len(finding.sizes) == 1
         return with_symbols(sentence.removeprefix(f"{next(iter(finding.sizes))} is ") if alone else _bounds(finding))
@@ -152,11 +157,16 @@ def _what(finding: ResultFinding, count: int) -> str:
     return with_symbols(f"{sentence}{moved if count == 1 else moved.replace(' by ', ' by up to ')}")
 
 
+def _sentence(finding: ResultFinding, count: int) -> str:
+    """Return the sentence, of several rows without what differs between them."""
+    return finding.sentence.partition("; ")[0] if count > 1 else finding.sentence
+
+
 def _bounds(finding: ResultFinding) -> str:
     """Return why values of several rows are not determined."""
     if not finding.suspects:
         return finding.sentence
-    return f"it is within twice its ± of none; most of the ± is {finding.suspects[0].replace('-', ' ')}"
+    return f"it may be zero, which is within twice its ±; most of the ± is {row_words(finding.suspects[0])}"
 
 
 def _percent(size: float) -> str:
@@ -190,9 +200,10 @@ def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
     yield "Not in the ±, since nobody stated it:"
     width = max(len(symbols) for symbols, _, _ in facts)
     indent = " " * (width + 4)
-    for symbols, sentence, remedy in facts:
+    following = [*(remedy for _, _, remedy in facts[1:]), ""]
+    for (symbols, sentence, remedy), next_remedy in zip(facts, following, strict=True):
         yield from filled(f"  {symbols.ljust(width)}  {sentence}", indent)
-        if remedy and not (command and remedy.startswith("--")):
+        if remedy not in ("", next_remedy) and not (command and remedy.startswith("--")):
             yield f"{indent}{'state' if remedy.startswith('--') else 'settle'}: {remedy}"
     of_findings = [finding.remedy for finding, _, _ in table.shared_findings()]
     options = [remedy for remedy in (*of_findings, *(fact[2] for fact in facts)) if remedy.startswith("--")]

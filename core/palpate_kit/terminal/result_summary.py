@@ -63,11 +63,9 @@ def result_views(
 def _lines_below(table: ResultTable) -> Iterator[str]:
     """What was found, notes on the record, open facts; of several tracks how many have which word."""
     yield from finding_lines(table)
-    for note in table.of_record:
-        yield from filled(f"note[{note.code}] {note.message}", "  ")
     yield from fact_lines(table)
     if len(table.rows) > 1:
-        yield from filled(table.partition("track"), "  ")
+        yield from filled(table.partition(), "  ")
 
 
 def _units(result: Result) -> dict[str, str]:

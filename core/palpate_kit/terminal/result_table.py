@@ -19,6 +19,7 @@ from palpate_kit.terminal.quantities import value_or_fixed
 SYMBOLS = {"elasticity": "E", "viscosity": "eta"}
 CHIEF = tuple(SYMBOLS)  # values that a screen shows, where a model has them
 NOT_READ = "not read"
+NOTE = "note"  # in place of a verdict: of what moves no value beyond its uncertainty
 NEEDS = "needs "  # before the fact, of a verdict
 OPEN = "undetermined"  # the code of the note on a value that the record does not determine
 _NAME = re.compile(rf"\b({'|'.join(SYMBOLS)})\b")
@@ -81,10 +82,10 @@ class TableValue:
 
 @dataclass(frozen=True)
 class ResultFinding:
-    """What a record says against its law or a stated fact, or why a value is not determined."""
+    """What a record says against its law or a stated fact, why a value is not determined, or a note."""
 
     code: str
-    word: str  # the verdict that it makes: doubtful, invalid or not determined
+    word: str  # the verdict that it makes: doubtful, invalid, not determined or, of no value, note
     suspects: tuple[str, ...]  # likely causes, the likeliest first
     sizes: Mapping[str, float | None]  # by value: the effect as a part of it; None where that is not known
     sentence: str
@@ -174,6 +175,11 @@ class ResultRow:
                 judging.append(replace(finding, sizes=sizes))
         return judging
 
+    @property
+    def notes(self) -> list[ResultFinding]:
+        """What was found and makes no verdict."""
+        return [finding for finding in self.findings if finding.word == NOTE]
+
     def _is_void(self, name: str) -> bool:
         """Return True for a value that has no number."""
         return name in self.values and self.values[name].word == "invalid"
@@ -197,6 +203,7 @@ class ResultTable:
     rows: tuple[ResultRow, ...]
     truth: Mapping[str, float] = field(default_factory=dict)  # [SI] of a simulated rig, by value
     of_record: tuple[Flag, ...] = ()  # notes on the record
+    thing: str = "track"  # what a row is of: a track, a file, a run
 
     @property
     def names(self) -> list[str]:
@@ -204,16 +211,11 @@ class ResultTable:
         return list(dict.fromkeys(name for row in self.rows for name in row.chief))
 
     @property
-    def thing(self) -> str:
-        """What a row is of."""
-        return "file" if any(row.record for row in self.rows) else "track"
-
-    @property
     def read(self) -> list[ResultRow]:
         """The rows of what was read."""
         return [row for row in self.rows if not row.error]
 
-    def partition(self, thing: str = "") -> str:
+    def partition(self) -> str:
         """Return how many rows have which word for each value; the counts of each add up to the rows.
 
         As in "24 files. E: 0 good, 20 doubtful, 3 not determined; eta: 23 need a delay; 1 not read".
@@ -221,7 +223,7 @@ class ResultTable:
         unread = len(self.rows) - len(self.read)
         parts = [f"{SYMBOLS.get(name, name)}: {count_words(self._words(name))}" for name in self.names]
         parts += [f"{unread} not read"] if unread else []
-        return f"{counted(len(self.rows), thing or self.thing)}. {'; '.join(parts)}"
+        return f"{counted(len(self.rows), self.thing)}. {'; '.join(parts)}"
 
     def _words(self, name: str) -> Counter[str]:
         rows = (row.values.get(name) for row in self.read)
@@ -232,11 +234,22 @@ class ResultTable:
 
         Findings of one code and one cause are one; its sizes are the largest.
         """
+        shared = self._shared([(finding, row) for row in self.rows for finding in row.judging_findings])
+        order = ["invalid", "doubtful", "not determined"]
+        return sorted(shared, key=lambda one: (order.index(one[0].word), -len(one[1])))
+
+    def shared_notes(self) -> list[tuple[ResultFinding, list[ResultRow], list[str]]]:
+        """Return each note once with the rows that have it, that of most rows first."""
+        shared = self._shared([(note, row) for row in self.rows for note in row.notes])
+        return sorted(shared, key=lambda one: -len(one[1]))
+
+    def _shared(
+        self, pairs: Sequence[tuple[ResultFinding, ResultRow]]
+    ) -> list[tuple[ResultFinding, list[ResultRow], list[str]]]:
         groups: dict[tuple[str, str, str], list[tuple[ResultFinding, ResultRow]]] = {}
-        for row in self.rows:
-            for finding in row.judging_findings:
-                cause = finding.suspects[0] if finding.suspects else ""
-                groups.setdefault((finding.word, finding.code, cause), []).append((finding, row))
+        for finding, row in pairs:
+            cause = finding.suspects[0] if finding.suspects else ""
+            groups.setdefault((finding.word, finding.code, cause), []).append((finding, row))
         shared = []
         for members in groups.values():
             sizes = _largest([finding for finding, _ in members])
@@ -246,8 +259,7 @@ class ResultTable:
             merged = ResultFinding(first.code, first.word, suspects, sizes, first.sentence, first.remedy)
             rows = list({id(row): row for _, row in members}.values())  # one row may have several of a cause
             shared.append((merged, rows, names))
-        order = ["invalid", "doubtful", "not determined"]
-        return sorted(shared, key=lambda one: (order.index(one[0].word), -len(one[1])))
+        return shared
 
     def open_facts(self) -> list[tuple[str, str, str, int]]:
         """Return each open fact: what is assumed, the words that settle it, and of how many rows.
@@ -304,12 +316,11 @@ def with_symbols(text: str) -> str:
 def track_row(
     track: TrackResult, label: str, record: str = "", of_record: Sequence[Flag] = (), duration: float = 0.0
 ) -> ResultRow:
-    """Return the row of a track, with the flags of its record of a duration [s]."""
+    """Return the row of a track, with flags of its record of a duration [s]."""
     every = {**track.parameters, **{value.name: value.found for value in track.derived}}
     values = {name: TableValue.of(name, value) for name, value in every.items()}
     if not track.usable:
         values = {name: TableValue(name, None, math.nan, value.unit, "invalid") for name, value in every.items()}
-    flags = [flag for flag in (*of_record, *track.flags) if flag.severity != "note" or flag.code == OPEN]
     numbers = {name: value.value for name, value in every.items()}
     conditions: dict[str, Condition] = {one.fact: one for one in reversed(track.conditions)}
     return ResultRow(
@@ -318,7 +329,7 @@ def track_row(
         values,
         {fact: one.sentence(every) for fact, one in reversed(conditions.items())},
         {fact: one.remedy for fact, one in conditions.items()},
-        tuple(ResultFinding.of_flag(flag, numbers) for flag in flags),
+        tuple(ResultFinding.of_flag(flag, numbers) for flag in (*of_record, *track.flags)),
         measures=TrackMeasures.of(track.comparison, track.nis, track.seconds_per_sample, track.samples, duration),
     )
 

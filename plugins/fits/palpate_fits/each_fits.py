@@ -31,14 +31,14 @@ from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts, rig_beside, stated_facts
 from palpate_kit.jobs.engines import demand_no_jobs
 from palpate_kit.jobs.process_pool import core_count
-from palpate_kit.terminal.table import console
+from palpate_kit.terminal.layout import print_line
 
 from palpate_fits.curve_files import curve_files, curves_by
 from palpate_fits.fact_report import report_listed, report_rig
 from palpate_fits.fit_request import FitRequest
 from palpate_fits.fit_sources import log_device
-from palpate_fits.quartile_table import each_table
-from palpate_fits.setup_tables import pairs_document, show_pairs
+from palpate_fits.folder_screen import show_folder
+from palpate_fits.setup_tables import pairs_document
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def fit_each(asked: FitRequest) -> None:
         fit_stream(path, curves.pipeline, curves.reader, stream, _pool(asked, path))
     keep_facts(path, stated)
     if asked.fitting:
-        _show(FitFolder(path), curves.pipeline, asked.as_json)
+        _show(FitFolder(path), asked)
     else:
         typer.echo(f"{len(curves.files)} curves to fit: palpate fit {path}")
 
@@ -138,16 +138,15 @@ def _pool(asked: FitRequest, path: Path) -> Pool:
     return partial(on_workers, asked.scheduler, path.resolve())
 
 
-def _show(folder: FitFolder, pipeline: Pipeline, as_json: bool) -> None:
-    """Print quartiles of the values of each track, and the pairs of setups on one specimen."""
+def _show(folder: FitFolder, asked: FitRequest) -> None:
+    """Print the folder of fits; exit 1 where a fit failed."""
     tracks, pairs = folder.summary, setup_pairs(folder, folder.names, registry.load())
-    if as_json:
+    if asked.as_json:
         document = {"table": str(folder.table), "tracks": tracks, "specimens": pairs_document(pairs)}
         typer.echo(json.dumps(document, indent=2))
     else:
-        console().print(each_table(tracks, pipeline).view())
-        show_pairs(pairs)
-        typer.echo(f"written to {folder.table}")
+        show_folder(folder, pairs, {}, asked.details)
+        print_line(f"every number: {folder.table}")
     if failed := sum(track["failed"] for track in tracks.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in tracks.values())} failed", err=True)
         raise typer.Exit(1)

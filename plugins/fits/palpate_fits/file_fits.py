@@ -26,7 +26,9 @@ from palpate_kit.curves.shared_specimen import SetupPair, setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
 from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.layout import print_line
 from palpate_kit.terminal.motion_text import row_motion
+from palpate_kit.terminal.prediction_text import BLOCK, HALF, prediction_text
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.result_screen import filled, title_line
 from palpate_kit.terminal.table import console
@@ -181,21 +183,21 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
     rows, folder, known = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
     kinds = pipeline_counts(folder, (row["curve"] for row in rows if not row.get("error")))
-    typer.echo(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
+    print_line(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
     facts = fact_line(kinds or [(pipeline, len(rows))], [row_motion(row) for row in rows])
     for line in (*filled(facts), *_columns_lines(fitted.groups)):
-        typer.echo(line)
+        print_line(line)
     show_rows(rows, pipeline, known, command, asked.details, _advice(asked.sources, len(rows)))
     for line in _law_lines(fitted) if len(rows) == 1 else ():
-        typer.echo(line)
+        print_line(line)
     _show_guesses(fitted.groups, asked.details)
     for line in _page_lines(fitted, files):
-        typer.echo(line)
+        print_line(line)
     if fitted.named:
         console().print(group_table(rows, fitted.named, pipeline).view())
     show_pairs(fitted.pairs)
-    typer.echo(partition_line(rows, pipeline, known))
-    typer.echo(f"every number: {folder.table}; {SETTINGS} next to it: how the files were read")
+    print_line(partition_line(rows, pipeline, known))
+    print_line(f"every number: {folder.table}; {SETTINGS} next to it: how the files were read")
 
 
 def _advice(sources: Sequence[Path], count: int) -> dict[str, list[str]]:
@@ -210,7 +212,7 @@ def _law_lines(fitted: FittedFiles) -> Iterator[str]:
     if line := law_line(fitted.folder.path, pipeline.tracks[0], registry.load(), laws):
         yield line
     if row.get("prediction"):
-        yield f"every second block predicts the others within {float(row['prediction']):.1%} of the force"
+        yield prediction_text(float(row["prediction"]), HALF if row.get("frequency") else BLOCK)
 
 
 def _page_lines(fitted: FittedFiles, files: SourceFiles) -> Iterator[str]:

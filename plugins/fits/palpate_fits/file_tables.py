@@ -11,8 +11,8 @@ from palpate_engine import Pipeline, Registry, Track
 from palpate_kit.curves.curve_fits import Row, value_units
 from palpate_kit.curves.row_results import row_table
 from palpate_kit.curves.row_summary import summary_of
-from palpate_kit.terminal.layout import layout
-from palpate_kit.terminal.motion_text import motion_text, row_motion
+from palpate_kit.terminal.layout import layout, print_line
+from palpate_kit.terminal.motion_text import measured_text, row_motion
 from palpate_kit.terminal.result_screen import (
     WIDTH,
     coloured,
@@ -60,7 +60,7 @@ def show_rows(
     else:
         terminal.print(file_table(shown, pipeline, known, details).view())
     if len(shown) < len(rows):
-        typer.echo(f"and {len(rows) - len(shown)} more: --details shows all")
+        print_line(f"and {len(rows) - len(shown)} more: --details shows all")
         names = list(value_units(pipeline.tracks[0].model))
         console().print(each_table(summary_of([row for row in rows if row.get("track")], names), pipeline).view())
     alike: dict[str, list[str]] = {}
@@ -86,7 +86,7 @@ def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[
 def partition_line(rows: Sequence[Row], pipeline: Pipeline, known: Registry) -> str:
     """Return how many files have which word for each value."""
     table = row_table(rows, pipeline.tracks[0].model, known)
-    return "\n".join(filled(table.partition("file" if len(pipeline.tracks) == 1 else "row"), "  "))
+    return "\n".join(filled(table.partition(), "  "))
 
 
 def file_table(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> Table:
@@ -99,7 +99,7 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details
         (
             *of_values,
             *(format(float(row[name]), form) if row.get(name) else "-" for name, (_, form) in _DETAILS.items()),
-            _lines(motion_text([row_motion(row)])),
+            _lines(measured_text([row_motion(row)])),
             row.get("flags", "").replace(" ", "\n"),
         )
         for row, of_values in zip(rows, values.rows, strict=True)

@@ -37,17 +37,17 @@ def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[
             yield Text(f"{name}: {sentence}" if len(logs) > 1 else sentence)
     yield from map(coloured, (*finding_lines(table), *fact_lines(table)))
     if len(table.rows) > 1:
-        thing = "log" if len(table.rows) == len(logs) else "track"
-        yield Text("\n".join(filled(table.partition(thing), "  ")))
+        yield Text("\n".join(filled(table.partition(), "  ")))
 
 
 def logs_table(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> ResultTable:
     """Return the table of the tracks of some logs, with the flags of each record."""
-    return ResultTable(tuple(
-        track_row(track, label, name, [flag for flag in flags if flag.severity != "note"])
+    rows = tuple(
+        track_row(track, label, name, flags)
         for name, (tracks, flags) in logs.items()
         for label, track in tracks.items()
-    ))  # fmt: skip
+    )
+    return ResultTable(rows, thing="log" if len(rows) == len(logs) else "track")
 
 
 def _value(found: UncertainValue | None) -> str:

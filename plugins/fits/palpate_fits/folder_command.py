@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from palpate_engine import (
 from palpate_kit.curves.curve_filter import curve_filter
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.curve_list import FILE, LIST, add_groups, stated_in
-from palpate_kit.curves.curve_pipelines import dialect_pipeline, dialect_source
+from palpate_kit.curves.curve_pipelines import curve_reader, dialect_source
 from palpate_kit.curves.curve_rows import demand_settings, fit_rows
 from palpate_kit.curves.curve_table import columns_of_fits, list_unread, replace_columns
 from palpate_kit.curves.fit_folder import FitFolder
@@ -38,13 +38,14 @@ from palpate_kit.curves.shared_specimen import setup_pairs
 from palpate_kit.runs.replay_source import replace_model
 from palpate_kit.runs.rig_file import write_rig
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.result_screen import title_line
+from palpate_kit.terminal.layout import print_line
 
-from palpate_fits.fact_report import list_advice, report_listed
-from palpate_fits.file_tables import partition_line, show_rows
+from palpate_fits.fact_report import report_listed
+from palpate_fits.file_questions import RATE
 from palpate_fits.fit_request import FitRequest
+from palpate_fits.folder_screen import show_folder
 from palpate_fits.new_files import add_new_files
-from palpate_fits.setup_tables import pairs_document, show_pairs
+from palpate_fits.setup_tables import pairs_document
 
 _NAMED = 6  # new files
 
@@ -56,6 +57,7 @@ def fit_folder(path: Path, change: FitRequest) -> None:
     """
     if change.pipeline is not None or change.out is not None or change.by is not None:
         raise ConfigurationError(f"{path}: is a folder of fits, which has its pipeline; change it with --set")
+    change = _with_rate(change, FitFolder(path))
     added, refused = add_new_files(path) if change.where is None else ([], dict[str, str]())
     if added:
         typer.echo(
@@ -76,6 +78,18 @@ def fit_folder(path: Path, change: FitRequest) -> None:
     _show(path, count, change, refused)
 
 
+def _with_rate(change: FitRequest, folder: FitFolder) -> FitRequest:
+    """Return the request with its rate as a setting of the device; raises ConfigurationError for a column."""
+    columns = [role for role in change.choices if role != RATE]
+    if columns:
+        raise ConfigurationError(f"--{columns[0]}: {folder.path} has its columns; change them with --set")
+    if RATE not in change.choices:
+        return change
+    device = curve_reader(folder, next(iter(folder.dialects))).device
+    rate = f"device.{device}.rate={json.dumps(change.choices[RATE])}"
+    return replace(change, overrides=(*change.overrides, rate))
+
+
 def _report_listed(folder: FitFolder, overrides: Sequence[str]) -> None:
     """Report of how many curves ``curves.csv`` states a fact itself that is stated for all."""
     keys = {keys[1] for keys, _ in map(parsed_assignment, overrides) if keys[0] == "rig"}
@@ -93,16 +107,8 @@ def _show(path: Path, count: int, change: FitRequest, refused: Mapping[str, str]
         document = {"table": str(folder.table), "fitted": count, "tracks": tracks, "not_read": dict(refused)}
         print_json({**document, "specimens": pairs_document(pairs)})
     else:
-        places = {name: place for place, name in enumerate(folder.names)}
-        rows = sorted(folder.cells, key=lambda row: places[row["curve"]])
-        rows += [{"curve": name, "error": error} for name, error in refused.items()]
-        command = shlex.join(["palpate", "fit", str(path)])
-        pipeline, known = dialect_pipeline(folder), registry.load()
-        typer.echo(title_line(f"{len(folder.names)} files"))
-        show_rows(rows, pipeline, known, command, change.details, list_advice(path))
-        show_pairs(pairs)
-        typer.echo(partition_line(rows, pipeline, known))
-        typer.echo(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {folder.table}")
+        show_folder(folder, pairs, refused, change.details)
+        print_line(f"{count} {'curve' if count == 1 else 'curves'} fitted again; every number: {folder.table}")
     if failed := sum(track["failed"] for track in tracks.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in tracks.values())} failed", err=True)
     if failed or refused:

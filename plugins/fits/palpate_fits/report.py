@@ -28,6 +28,7 @@ from palpate_fits.uncertainty import ResidualScatter, mean_uncertainty, scatter
 from palpate_fits.unknowns import EXTRAS
 
 _MISFIT = 2.0  # RMS of the residual against its white noise
+_TWO_SPEEDS = "Press at two speeds or oscillate, in which a viscosity shows."
 _LONG_CORRELATION = 50.0  # samples
 _AT_EDGE = 1e-3  # standard deviations
 _USELESS = 0.5  # relative standard deviation of an elastic parameter
@@ -311,8 +312,8 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
     if found.correlation_time > _LONG_CORRELATION:
         yield Flag(
             "correlated-residuals",
-            f"they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
-            f"count as {found.effective_samples:.3g}; the std knows of it",
+            f"the residuals correlate over {found.correlation_time:.3g} samples, so {found.samples} "
+            f"count as {found.effective_samples:.3g}; the ± counts it",
         )
 
 
@@ -330,13 +331,13 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         yield Flag("not-converged", what)
     for j, place in enumerate(free):
         if j in judged.one_speed and judged.one_speed[j].lower == 0.0:
-            what = f"{names[place]} at one speed is the height of the surface to first order: it is"
-            text = f"{what} at most {number_with_unit(judged.one_speed[j].upper, fit.unknowns.items[place].unit)}"
-            yield Flag("undetermined", text, effects={names[place]: float(total[place])})
+            most = number_with_unit(judged.one_speed[j].upper, fit.unknowns.items[place].unit)
+            text = f"{names[place]} is at most {most}: at one speed it is the height of the surface to first order"
+            yield Flag("undetermined", text, effects={names[place]: float(total[place])}, remedy=_TWO_SPEEDS)
         elif judged.held[j] and _is_none(fit, place):
             most = number_with_unit(2 * total[place], fit.unknowns.items[place].unit)
             text = f"{names[place]} is zero, or at most {most}"
-            yield Flag("undetermined", text, effects={names[place]: float(total[place])})
+            yield Flag("undetermined", text, effects={names[place]: float(total[place])}, remedy=_TWO_SPEEDS)
         elif judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import typer
 from palpate_kit.curves.shared_specimen import SPECIMEN, SetupPair, agreement_sentence
+from palpate_kit.terminal.layout import print_line
 from palpate_kit.terminal.table import Table, console
 
 SHOWN_PAIRS = 24  # on the terminal, those that agree least
@@ -16,7 +16,7 @@ def show_pairs(pairs: Sequence[SetupPair]) -> None:
     """Print E_n of the pairs that agree least, and what all of them say of the facts; nothing without any."""
     if pairs:
         console().print(pair_table(pairs[:SHOWN_PAIRS]).view())
-        typer.echo(agreement_sentence(pairs))
+        print_line(agreement_sentence(pairs))
 
 
 def pair_table(pairs: Sequence[SetupPair]) -> Table:

@@ -1,14 +1,15 @@
-"""Arguments that a function of the Python face does not have: an error that says what to write."""
+"""Arguments of the Python interface: errors and screens say what to write in Python, and no option of a command."""
 
 from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-from palpate import ConfigurationError, suggest
-from palpate_engine import RigFacts, question_of
+from palpate import ConfigurationError, UserError, suggest
+from palpate_engine import RigFacts, option_of, question_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -24,8 +25,30 @@ _MEANT = {  # by arguments that people write
 }
 
 
+# What the command line says of a log, a fact and a folder.
+_SIGNAL = re.compile(r"--(force|position|time|rate)\b(?: (TOPIC:FIELD|'[^']*'))?")
+_FOLDER = re.compile(r"palpate fit (\S+) --tip '([^']*)'")
+
+
+def in_python(text: str) -> str:
+    """Return a sentence with arguments of Python in place of options of a command.
+
+    >>> in_python("choose with --force; state it with --thickness VALUE")
+    'choose with signals={"force": "..."}; state it with rig={"thickness": "VALUE"}'
+    >>> in_python("all of them: palpate fit curves --tip 'sphere 3 mm'")
+    'all of them: palpate.fit_folder("curves", tip="sphere 3 mm")'
+    """
+    for key in RigFacts.model_fields:
+        text = text.replace(f"{option_of(key)} VALUE", f'rig={{"{key}": "VALUE"}}')
+    text = _SIGNAL.sub(lambda match: f'signals={{"{match[1]}": "{(match[2] or "...").strip(chr(39))}"}}', text)
+    return _FOLDER.sub(r'palpate.fit_folder("\1", tip="\2")', text)
+
+
 def explains_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """Return the function with a ConfigurationError in place of a TypeError for arguments that do not fit it."""
+    """Return the function with a ConfigurationError in place of a TypeError for arguments that do not fit it.
+
+    Its own errors have arguments in place of options.
+    """
     signature = inspect.signature(function)
 
     @functools.wraps(function)
@@ -39,7 +62,12 @@ def explains_arguments(function: Callable[P, T]) -> Callable[P, T]:
             raise ConfigurationError(
                 f"{function.__name__}: {error}; write {_call(function.__name__, signature)}"
             ) from error
-        return function(*arguments, **named)
+        try:
+            return function(*arguments, **named)
+        except UserError as error:
+            if (words := in_python(str(error))) == str(error):
+                raise
+            raise type(error)(words) from error
 
     return checked
 

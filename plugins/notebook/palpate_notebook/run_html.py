@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from palpate import Flag, printable
+from palpate import printable
 from palpate_engine import display_unit
-from palpate_kit.runs.document_table import document_table, judges, table_value
+from palpate_kit.runs.document_table import document_table, table_value
 from palpate_kit.terminal.quantities import round_number
 from palpate_kit.terminal.result_screen import LEGEND, fact_lines, finding_lines, title_line
 from palpate_kit.terminal.result_table import TableValue
 
+from palpate_notebook.argument_names import in_python
 from palpate_notebook.html_table import html_table
 
 Document = Mapping[str, Any]
@@ -48,16 +49,10 @@ def _truth(value: float | None, unit: str) -> str:
     return "" if value is None else round_number(value * display_unit(unit)[1])
 
 
-def _notes(document: Document) -> Iterator[str]:
-    """Each flag that makes no verdict, once."""
-    flags = [flag for track in document["tracks"].values() for flag in map(Flag.of_table, track["flags"])]
-    yield from dict.fromkeys(f"note[{flag.code}] {flag.message}" for flag in flags if not judges(flag))
-
-
 def _lines(document: Document) -> list[str]:
-    """Findings, open facts and notes."""
+    """Findings, notes and open facts."""
     table = document_table(document)
-    return [printable(line) for line in (*finding_lines(table), *fact_lines(table), *_notes(document))]
+    return [in_python(printable(line)) for line in (*finding_lines(table), *fact_lines(table))]
 
 
 def run_text(document: Document) -> str:

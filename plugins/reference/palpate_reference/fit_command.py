@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 from palpate import ConfigurationError, Floats, printable, suggest, to_si
-from palpate_engine import make_folder, write_new
+from palpate_engine import POISSON_STD, make_folder, write_new
 from palpate_kit.numerics.material_laws import LAWS, LinearLaw
 from palpate_kit.terminal.json_output import json_text, print_aside, print_json
 from palpate_kit.terminal.options import FolderOption, FormatOption, JsonOption
@@ -32,8 +31,6 @@ from palpate_reference.superposition.master_command import (
 )
 from palpate_reference.table_fit import FitProblem, fit_law
 from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
-
-_POISSON_STD = 0.02 / math.sqrt(3)  # as runs take it: known within 0.02 below its value
 
 
 def fit_material(
@@ -149,7 +146,7 @@ def material_fits(
         if name not in known:
             raise ConfigurationError(f"--law: no law {name!r}{suggest(name, known)}")
     shear = {table.shear for table in tables}
-    std = _POISSON_STD if True in shear else 0.0
+    std = POISSON_STD if True in shear else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
     problem = FitProblem(tuple(tables), poisson, std, scales, shift_root)
     series = decade_series(problem) if not names or DECADES in names else None

@@ -68,7 +68,7 @@ def page_of_runs(
         noun=noun,
         notes=notes,
         track=chosen,
-        box=result_box(_table(runs, chosen), noun),
+        box=result_box(_table(runs, chosen, noun)),
         legend=LEGEND,
         statistics=[
             _statistics(runs, comparisons[name], group, chosen, name, parameters[name])
@@ -89,9 +89,9 @@ def page_of_runs(
     )
 
 
-def _table(runs: Sequence[GroupRun], track: str) -> ResultTable:
-    """Return the table of results of one track of runs."""
-    return ResultTable(tuple(_result_row(run, track) for run in runs))
+def _table(runs: Sequence[GroupRun], track: str, noun: str) -> ResultTable:
+    """Return the table of results of one track of runs; `noun` is what each is called."""
+    return ResultTable(tuple(_result_row(run, track) for run in runs), thing=noun)
 
 
 def _result_row(run: GroupRun, track: str) -> ResultRow:

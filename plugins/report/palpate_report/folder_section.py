@@ -10,7 +10,7 @@ from palpate import PalpateError
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.figures import WIDTHS
 from palpate_kit.terminal.fact_line import facts_in_words
-from palpate_kit.terminal.motion_text import motion_text, row_motion
+from palpate_kit.terminal.motion_text import measured_text, row_motion
 from palpate_kit.terminal.phrase import curve_count
 
 from palpate_report.bibliography import sources_of
@@ -57,7 +57,7 @@ def _measured(facts: FolderFacts) -> Mapping[str, str]:
     words = facts_in_words(pipelines)
     for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
         found[name] = words.get(key, "none")
-    if motion := motion_text([row_motion(row.cells) for row in facts.used]):
+    if motion := measured_text([row_motion(row.cells) for row in facts.used]):
         found["motion"] = motion
     pipeline = pipelines[0][0]
     track = pipeline.tracks[0]

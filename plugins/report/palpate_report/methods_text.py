@@ -269,12 +269,17 @@ def _uncertainty(facts: FolderFacts) -> Iterator[str]:
     sources = _sources(facts)
     of = f", which comprise {_joined(sources)}" if sources else ""
     yield f"Single values carry combined standard uncertainties (coverage factor 1){cite(keys_of('uncertainty'))}{of}."
-    whole = [f"{100 * found[0]:.2g} % for {readable(name)}" for name, found in known.items()]
-    shared = [f"{100 * found[1]:.2g} %" for found in known.values()]
+    whole = [f"{_percent(found[0])} for {readable(name)}" for name, found in known.items()]
+    shared = [_percent(found[1]) for found in known.values()]
     yield (
         f"The median relative uncertainty was {_joined(whole)}; the part that all curves share, which averaging does "
         f"not reduce, was {_joined(shared)}."
     )
+
+
+def _percent(share: float) -> str:
+    """Return a share in per cent, to two digits."""
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def _sources(facts: FolderFacts) -> list[str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from palpate_engine import display_unit, is_open, verdict_word
-from palpate_kit.terminal.quantities import FIXED, is_fixed, value_with_uncertainty
+from palpate_engine import display_unit, is_open
+from palpate_kit.runs.document_table import table_value
+from palpate_kit.terminal.quantities import unsigned
 
 
 def number_text(value: float, unit: str) -> str:
@@ -27,14 +28,18 @@ def value_of(found: Mapping[str, Any]) -> str:
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    verdict = found.get("verdict") or ""
-    if found["value"] is None or verdict == "invalid":
-        return verdict if is_open(verdict) else "–"
-    word, factor = display_unit(found["unit"])
-    combined = found.get("combined")
-    number = value_with_uncertainty(found["value"] * factor, math.nan if combined is None else combined * factor)
-    text = f"{number} {word}".removesuffix(" 1") + (FIXED if is_fixed(found["value"], combined) else "")
-    return f"{text} {verdict_word(verdict)}".rstrip()
+    value = replace(table_value("", found, ""), places=None)
+    return value.text if value.number != "-" else value.verdict if is_open(value.verdict) else "–"
+
+
+def range_of(found: Mapping[str, Any]) -> str:
+    """A value as on every screen: along a path its range with its verdict.
+
+    >>> places = {"low": 110e3, "high": 150e3}
+    >>> range_of({"value": 120e3, "combined": 9e3, "unit": "Pa", "verdict": "good", "places": places})
+    '110 to 150 kPa good'
+    """
+    return table_value("", found, "").text if found.get("places") else value_of(found)
 
 
 def parts_of(found: Mapping[str, Any]) -> str:
@@ -85,3 +90,12 @@ def embed_json(document: Any, indent: int | None = 1) -> str:
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text
+
+
+def millimetres(length: float) -> str:
+    """A length [m] as a number of mm, to a tenth.
+
+    >>> millimetres(-1e-6), millimetres(0.0123)
+    ('0.0', '12.3')
+    """
+    return unsigned(f"{1e3 * length:.1f}")

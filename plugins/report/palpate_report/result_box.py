@@ -22,12 +22,12 @@ class ResultBox:
     facts: tuple[tuple[str, str, str], ...] = ()  # values that depend on each, what is assumed, what settles it
 
 
-def result_box(table: ResultTable, thing: str, notes: Sequence[str] = ()) -> ResultBox:
-    """Return the box of a table whose rows are of a `thing`; of a single track its values, else how many have which."""
+def result_box(table: ResultTable, notes: Sequence[str] = ()) -> ResultBox:
+    """Return the box of a table; of a single track its values, else how many have which verdict."""
     words = {value.word for row in table.rows for value in row.chief.values()}
     colour = GOOD if words <= {"good"} else REFUSED if words <= {"invalid"} else DOUBTED
-    if len(table.rows) == 1 and thing == "track":
+    if len(table.rows) == 1 and table.thing == "track":
         headlines = [f"{value.symbol} {value.text}" for value in table.rows[0].chief.values()]
     else:
-        headlines = [table.partition(thing)]
+        headlines = [table.partition()]
     return ResultBox(colour, (*notes, *headlines), tuple(findings_in_words(table)), tuple(facts_in_words(table)))

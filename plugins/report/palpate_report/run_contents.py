@@ -13,6 +13,7 @@ from palpate import BudgetRow, Effect, FitReport, LogError, Unknown
 from palpate_engine import (
     DerivedValue,
     Result,
+    RunSettings,
     TrackComparison,
     TrackName,
     TrackResult,
@@ -24,6 +25,7 @@ from palpate_kit.runs.result_file import estimate_of, read_flags
 from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 
 _Kind = TypeVar("_Kind")
+_UNNAMED = RunSettings.model_fields["name"].default
 _SIGNS = ("result.json", "pipeline.toml", "estimates.csv", "estimates.parquet", "estimates.arrows")
 _WHY_NOT = {
     False: "No result.json: the run was killed, lost power, or is still going on.",
@@ -68,9 +70,9 @@ class RunContents:
 
     @property
     def name(self) -> str:
-        """What the run is called."""
+        """What the run is called; its folder where nobody has named it."""
         named = self.document.get("run", {}).get("name") or self.resolved.get("run", {}).get("name")
-        return str(named or self.path.resolve().name)
+        return str(self.path.resolve().name if named in (None, "", _UNNAMED) else named)
 
     @property
     def given_text(self) -> str | None:

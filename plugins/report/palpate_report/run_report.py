@@ -13,6 +13,7 @@ from palpate_kit.runs.document_table import document_table
 from palpate_kit.runs.result_file import estimate_of
 from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.terminal.comparison_table import comparison_table
+from palpate_kit.terminal.quantities import number_with_unit
 from palpate_kit.terminal.result_screen import LEGEND
 from palpate_kit.terminal.table import Table
 
@@ -108,7 +109,7 @@ def _box(record: RunContents, document: Mapping[str, Any]) -> ResultBox:
     if not table.rows:
         return ResultBox(REFUSED, ("no result",), (("The run has no track.", ""),))
     codes = {flag["code"] for track in document["tracks"].values() for flag in track["flags"]}
-    return result_box(table, "track", [SIMULATED] if "rehearsal" in codes else [])
+    return result_box(table, [SIMULATED] if "rehearsal" in codes else [])
 
 
 def _comparison(document: Mapping[str, Any]) -> Table | None:
@@ -120,7 +121,7 @@ def _comparison(document: Mapping[str, Any]) -> Table | None:
 
 def _partition(record: RunContents) -> str:
     """How many tracks have which word for each value."""
-    return record.why_not or document_table(record.document).partition("track")
+    return record.why_not or document_table(record.document).partition()
 
 
 def render(template: str, **content: Any) -> str:
@@ -134,7 +135,7 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    names = ("number_text", "value_of", "parts_of", "readable", "plain", "chance")
+    names = ("number_text", "value_of", "range_of", "parts_of", "readable", "plain", "chance", "millimetres")
     helpers = {name: getattr(number_texts, name) for name in names}
     environment.globals.update(helpers, severities=SEVERITIES, version=version("palpate"))
     return environment.get_template(template).render(**content)
@@ -223,7 +224,7 @@ def _truth(document: Mapping[str, Any]) -> list[str]:
     tables = document.get("tracks", {}).values()
     units = {name: found["unit"] for table in tables for name, found in table["parameters"].items()} | {"surface": "m"}
     return [
-        f"{number_texts.readable(name)} {number_texts.value_of({'value': value, 'combined': 0.0, 'unit': units[name]})}"
+        f"{number_texts.readable(name)} {number_with_unit(value, units[name], 5)}"
         for name, value in document.get("truth", {}).items()
         if name in units
     ]

@@ -161,7 +161,7 @@ def _partition(readings: Sequence[ParameterValue], parameter: str) -> str:
         for one in readings
         if one.rejected is None
     ]
-    line = ResultTable(tuple(rows)).partition("value")
+    line = ResultTable(tuple(rows), thing="value").partition()
     rejected = len(readings) - len(rows)
     return f"{line}; {rejected} more rejected" if rejected else line
 

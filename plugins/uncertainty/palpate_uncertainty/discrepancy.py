@@ -20,7 +20,7 @@ import numpy as np
 from palpate import ContactModel, Diagnosed, Flag, Floats, Parameter
 from palpate_kit.numerics.normal_equations import standard_errors
 
-from palpate_uncertainty.causes import cause_of, sign_of
+from palpate_uncertainty.causes import cause_label, cause_of, cause_words, sign_of
 
 # Patterns m that a misfit is spread over. Chosen on point palpations of one silicone by two tips, whose E and eta agree
 # within the uncertainty that follows; 2 and 8 give the same verdicts.
@@ -31,6 +31,7 @@ SEVERAL_NUMBERS = 0.7  # of a gain by several numbers, which follow a pattern th
 LEAST_SHARE = 0.1  # of the visible pattern, that a cause of the rig explains at least
 NO_FIT = 0.3  # of the force's own variation in contact, above which a misfit is not one of the law any more
 FARTHEST = 10.0  # times its typical size, from which on an alternative explains nothing
+_CHECK_READING = "Check sign, column and unit of force and height, then tip and law (`palpate fit choose --help`)."
 NEARLY = 0.7  # of what the best alternative explains, from which on a second one is named
 
 
@@ -119,22 +120,32 @@ def judge_misfit(
     *uncertainties, surface = misfit.uncertainty(parameters).tolist()
     row = dict(zip(names, uncertainties, strict=True))
     level = f"p {misfit.p:.0e}" if misfit.p > 1e-99 else "p < 1e-99"
-    likely = f"; likely {' or '.join(misfit.causes)}" if misfit.causes else "; no alternative explains it"
+    likely = (
+        f"; likely {' or '.join(map(cause_words, misfit.causes))}" if misfit.causes else "; no alternative explains it"
+    )
     text = f"the residual is not the noise of the channel ({level}){likely}{about}"
     flags = []
     if not misfit.is_of_the_law:
         size = 100.0 * math.sqrt(misfit.excess) / misfit.variation
         text = f"the law does not describe the record: {size:.0f} % of the force's variation remain"
-        flags.append(Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=()))
+        flags.append(
+            Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=(), remedy=_CHECK_READING)
+        )
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
         flags.append(_of_a_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), about))
     else:
-        flags.append(Flag("model-discrepancy", text, effects=row))
+        suspects = tuple(dict.fromkeys(map(cause_label, misfit.causes)))
+        flags.append(Flag("model-discrepancy", text, effects=row, suspects=suspects))
         if moving := [name for name in misfit.causes[:1] if cause_of(name).moves]:
             viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]
-            text = f"{moving[0]} acts with the speed, which bounds no viscosity"
-            flags.append(Flag("lack-of-fit", text, effects=dict.fromkeys(viscous, math.inf), causes=()))
+            text = f"{cause_words(moving[0])} acts with the speed as a viscosity does, so that none is bounded"
+            flags.append(
+                Flag(
+                    "lack-of-fit", text, effects=dict.fromkeys(viscous, math.inf), causes=(),
+                    remedy=cause_of(moving[0]).remedy, suspects=(cause_label(moving[0]),),
+                )
+            )  # fmt: skip
     table = dict(table) | {
         "reasons": misfit.causes,
         "wrong_facts": misfit.wrong_facts,
@@ -151,9 +162,10 @@ def _of_a_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], abo
     best = misfit.explanations[suspects[0]]
     share = min(100.0 * best.gain / max(misfit.pattern, 1e-300), 100.0)
     sign = sign_of(suspects[0], is_layer, best.times)
-    text = f"{sign}; {' or '.join(suspects)} would explain {share:.0f} % of it{about}"
-    remedy = cause_of(suspects[0]).remedy
-    return Flag("lack-of-fit", text, effects=effects, causes=(), remedy=remedy, suspects=suspects)
+    words = " or ".join(dict.fromkeys(cause_words(name, is_layer) for name in suspects))
+    text = f"{sign}; {words} would explain {share:.0f} % of it{about}"
+    remedy, keys = cause_of(suspects[0]).remedy, tuple(dict.fromkeys(map(cause_label, suspects)))
+    return Flag("lack-of-fit", text, effects=effects, causes=(), remedy=remedy, suspects=keys)
 
 
 def has_layer(model: ContactModel) -> bool:

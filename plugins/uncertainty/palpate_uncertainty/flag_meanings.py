@@ -16,8 +16,8 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The record contradicts a fact that is stated of rig or specimen, or its law describes nothing of it.",
-        "Mend or state the fact that is named, if one is; a second tip or depth shows which; else compare models "
-        "(`palpate fit choose --help`).",
+        "State what is open of tip and specimen; press again with over 300 readings in contact, or to a second depth, "
+        "which shows the cause; or compare laws (`palpate fit choose --help`).",
     ),
     "model-discrepancy": _note(
         "The material is not exactly of the law; what that does to each value is in its uncertainty.",

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Condition, Diagnosed, Flag, TrackEvidence
+from palpate_engine import remedy_of
 
 from palpate_uncertainty.discrepancy import Misfit, has_layer, judge_misfit
 from palpate_uncertainty.model_alternatives import refit
@@ -72,7 +73,7 @@ def _with_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnos
     if track.ending is None or air_readings(track) is not None or rounding_noise(track) is not None:
         return finding
     text = _UNTESTED if finding is None else "noise of the force taken from its fastest changes"
-    noise = Condition("noise", text, "record 0.2 s at rest in air first")
+    noise = Condition("noise", text, remedy_of("noise"))
     return replace(finding or Diagnosed(), conditions=(noise,))
 
 

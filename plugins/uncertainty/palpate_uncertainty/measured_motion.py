@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from palpate import Diagnosed, Floats, TrackEvidence
 from palpate_engine import Result, verdict_rank
-from palpate_kit.terminal.motion_text import motion_numbers, motion_text
+from palpate_kit.terminal.motion_text import measured_text, motion_numbers
 
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
@@ -27,7 +27,7 @@ def motion_lines(result: Result) -> list[str]:
     """Return the motion that the best track of a run measured, in words; nothing of a sweep."""
     tracks = sorted(result.tracks.values(), key=lambda track: verdict_rank(track.verdict))
     tables = [track.diagnoses["motion"] for track in tracks if track.diagnoses.get("motion")]
-    return [f"measured: {motion_text([motion_numbers(table)])}" for table in tables[:1]]
+    return [f"measured: {measured_text([motion_numbers(table)])}" for table in tables[:1]]
 
 
 def motion_table(track: TrackEvidence) -> dict[str, Any]:

@@ -131,7 +131,7 @@ def makers(course: Course, base: Refit) -> dict[str, Maker]:
         return always
     return always | {
         "thickness": lambda c: _thickness(c, base.theta, shape),
-        "wrong-tip": lambda c: _tip(c, elastic, shape),
+        "another tip": lambda c: _tip(c, elastic, shape),
         "compliance": lambda c: _compliance(c, base),
         "lift-off": _lift_off,
     }
@@ -258,4 +258,4 @@ def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
         by_slope[elastic] *= 1.0 + float(extra[0]) / shape.power
         return np.array([theta, by_slope])
 
-    return ModelAlternative("wrong-tip", force, (0.0,), (0.3 - shape.power,), (2.5,), candidates)
+    return ModelAlternative("another tip", force, (0.0,), (0.3 - shape.power,), (2.5,), candidates)

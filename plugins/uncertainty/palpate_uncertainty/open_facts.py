@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Condition, Diagnosed, Floats, Indenter, TrackEnd, TrackEvidence, contact_force
-from palpate_engine import display_unit, words_that_state
+from palpate_engine import POISSON_RANGE, display_unit, remedy_of, words_that_state
 from palpate_kit.budget.force_sensitivity import Along, along
 
 from palpate_uncertainty.delay.commanded_motion import position_noise, share_of_command
@@ -177,7 +177,8 @@ def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     change = POISSON - value
     if change:
         shifts = track.against(change * found.by_number(("poisson",), value, change))
-        yield Condition("poisson", f"Poisson's ratio {value:g}", words_that_state("poisson"), f"{POISSON:g}", shifts)
+        text = f"Poisson's ratio {value - POISSON_RANGE:g} to {value:g}"
+        yield Condition("poisson", text, words_that_state("poisson"), f"{POISSON:g}", shifts)
 
 
 def _level(track: _OpenTrack) -> Iterator[Condition]:
@@ -225,7 +226,7 @@ def _position(track: _OpenTrack) -> Iterator[Condition]:
 
 def _frequency(track: _OpenTrack) -> Iterator[Condition]:
     if text := one_frequency_text(track.evidence):
-        yield Condition("frequency", text, "palpate init chirp", code="one-frequency")
+        yield Condition("frequency", text, remedy_of("frequency"), code="one-frequency")
 
 
 _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (

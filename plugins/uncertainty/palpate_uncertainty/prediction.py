@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_engine import Result
+from palpate_kit.terminal.prediction_text import BLOCK, HALF, prediction_text
 
 BLOCKS = 20  # of a press, of which every second one is fitted: each half sees all depths
 FEWEST_SAMPLES = 100  # of a record, below which a half determines nothing
-LEAST_SHOWN = 0.05  # per cent of the force
-HALF, BLOCK = "the fit of the first half predicts the second half", "every second block predicts the others"
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,5 @@ def prediction_lines(result: Result) -> list[str]:
     for track in result.tracks.values():
         if found := track.diagnoses.get("model-discrepancy", {}).get("prediction"):
             name = f"{track.model}: " if len({one.model for one in result.tracks.values()}) > 1 else ""
-            share = 100.0 * found["error"]
-            size = f"within {share:.1f} % of the force" if share >= LEAST_SHOWN else "to the noise of the force"
-            lines.setdefault(track.model, f"{name}{found['words']} {size}")
+            lines.setdefault(track.model, f"{name}{prediction_text(found['error'], found['words'])}")
     return list(lines.values())

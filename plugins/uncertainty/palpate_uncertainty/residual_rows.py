@@ -177,7 +177,7 @@ class JudgedRows:
     def _of_the_material(self) -> Iterator[tuple[Any, ...]]:
         elastic, deepest = self._elastic, float(np.max(self.depth))
         part = np.maximum(self.depth, 1e-12) / deepest
-        yield "wrong-tip", 0.5, elastic * np.log(np.maximum(part, 1e-6))
+        yield "another tip", 0.5, elastic * np.log(np.maximum(part, 1e-6))
         yield "thickness", 0.5, elastic * part
         yield "stiffness that changes", 0.3, elastic * self._since
         yield "surface moved", 0.1 * deepest, self.by_depth * (self._since - 0.5)

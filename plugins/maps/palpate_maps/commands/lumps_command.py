@@ -13,6 +13,7 @@ from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import TrackOption
 from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.quantities import unsigned
 
 from palpate_maps.commands.curves_command import drop_rejected, unit_of
 from palpate_maps.commands.map_command import Parameter, Run, SurfaceName, length
@@ -69,7 +70,8 @@ def _view(findings: Findings, source: str, unit: str) -> str:
     for lump in findings.lumps:
         extent = " x ".join(f"{1e3 * size:.1f}" for size in lump.extent if size > 0)
         stiffer = f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"
-        lines.append(f"{1e3 * lump.place[0]:8.1f}{1e3 * lump.place[1]:8.1f}{extent:>12}{stiffer:>13}{lump.p:10.2g}")
+        x, y = (unsigned(f"{1e3 * coordinate:.1f}") for coordinate in lump.place)
+        lines.append(f"{x:>8}{y:>8}{extent:>12}{stiffer:>13}{lump.p:10.2g}")
     if (power := findings.power) is not None:
         lines.append(
             f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "

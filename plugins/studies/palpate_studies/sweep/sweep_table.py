@@ -13,7 +13,6 @@ from typing import Any
 from palpate import Flag, PalpateError
 from palpate_engine import display_unit, verdict_rank, whole_file, write_whole
 from palpate_kit.jobs.job import Outcome
-from palpate_kit.runs.document_table import judges
 from palpate_kit.terminal.result_screen import filled, finding_lines, with_legend
 from palpate_kit.terminal.result_table import ResultFinding, ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table
@@ -100,9 +99,9 @@ def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     """What was found, once for all combinations that share it, and how many have which word for each value."""
-    table = ResultTable(tuple(map(_result_row, rows)))
+    table = ResultTable(tuple(map(_result_row, rows)), thing="row")
     yield from finding_lines(table)
-    yield from filled(table.partition("row"), "  ")
+    yield from filled(table.partition(), "  ")
 
 
 def _result_row(row: Mapping[str, Any]) -> ResultRow:
@@ -113,7 +112,7 @@ def _result_row(row: Mapping[str, Any]) -> ResultRow:
     values = {name: _table_value(row, name, unit) for name, unit in _values([row]).items()}
     numbers = {name: value.value for name, value in values.items()}
     flags = (Flag.of_table(flag) for flag in row.get("flags", ()))
-    findings = tuple(ResultFinding.of_flag(flag, numbers) for flag in flags if judges(flag))
+    findings = tuple(ResultFinding.of_flag(flag, numbers) for flag in flags)
     return ResultRow(head, str(row["track"]), values, findings=findings)
 
 

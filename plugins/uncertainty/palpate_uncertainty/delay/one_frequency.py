@@ -43,7 +43,8 @@ def one_frequency_text(track: TrackEvidence) -> str:
         for name, like in table["looks_like"].items()
         if like["value"] > _NOTABLE * abs(values[name])
     ]
-    within = f"if a tenth of the stiffness relaxed within {1e3 * table['time']:.2g} ms, that would be"
+    milliseconds = float(f"{1e3 * table['time']:.2g}")
+    within = f"if a tenth of the stiffness relaxed within {milliseconds:g} ms, that would be"
     return f"one frequency only ({table['frequency']:.3g} Hz): {within} {', '.join(parts)}" if parts else ""
 
 
