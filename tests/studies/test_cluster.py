@@ -439,7 +439,7 @@ def test_a_store_that_is_lost_ends_a_sweep_that_the_same_words_continue(
     place, out = f"s3://bucket/{tmp_path.name}", tmp_path / "out"
     command = ("sweep", file, "--json", "--scheduler", scheduler, "--stage", place, "--out", out)
     cable = Cable(int(os.environ["AWS_ENDPOINT_URL"].rpartition(":")[2]), word)
-    lost = palpate_process(*command, AWS_ENDPOINT_URL=cable.url)
+    lost = palpate_process(*command, AWS_ENDPOINT_URL=cable.url, AWS_MAX_ATTEMPTS="1")
     assert lost.returncode == 2
     assert re.search(rf"--stage {place}: \w+: .*go on with the same --out", lost.stderr), lost.stderr
     assert "Traceback" not in lost.stderr
