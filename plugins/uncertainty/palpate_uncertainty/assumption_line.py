@@ -16,7 +16,7 @@ _WORDS = {
     "poisson": "Poisson's ratio",
     "thickness.height": "thickness",
 }
-_LEAST = 0.05  # per cent of a value by 1 % of an assumption; less is in result.json only
+_MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption; less is in result.json only
 _FIRST = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
 _SECOND = ("viscosity", "damping")
 
@@ -53,7 +53,7 @@ def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str 
         name: [abs(shares.get(value, 0.0)) for value in (first, second) if value] for name, shares in percent.items()
     }
     for name, shown in sorted(sizes.items(), key=lambda item: -max(item[1])):
-        if max(shown) > _LEAST:
+        if max(shown) > _MIN_PERCENT:
             texts = list(dict.fromkeys(f"{share:.1f}" for share in shown))
             yield f"{_WORDS.get(name, name.replace('_', ' ').replace('.', ' '))} {'/'.join(texts)} %"
 

@@ -17,7 +17,7 @@ from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
 
 SHARE = 0.01  # of an assumption, and of a value
-_STEP = 1e-4  # of a number, for derivatives by differences
+_DIFFERENCE = 1e-4  # of a number, for derivatives by differences
 
 
 def assumptions(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -108,7 +108,7 @@ def _direct(model: ContactModel, theta: Sequence[float], path: tuple[str, ...]) 
     """By how much 1 % of a number moves what follows from the parameters, with these held [SI]."""
     value = next(value for other, value, _ in numbers_of(model) if other == path)
     up, down = (
-        {m.name: m.value for m in with_change(model, path, side * _STEP * value).material(theta)}
+        {m.name: m.value for m in with_change(model, path, side * _DIFFERENCE * value).material(theta)}
         for side in (1.0, -1.0)
     )
-    return {name: (up[name] - down[name]) / (2 * _STEP) * SHARE for name in up}
+    return {name: (up[name] - down[name]) / (2 * _DIFFERENCE) * SHARE for name in up}

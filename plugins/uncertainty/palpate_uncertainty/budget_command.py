@@ -22,8 +22,8 @@ from palpate_uncertainty.assumption_line import skin_conditions
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
 
-_LEAST = 5e-3  # per cent; less is shown as such
-_FEWEST = 4  # draws
+_MIN_PERCENT = 5e-3  # per cent; less is shown as such
+_MIN_DRAWS = 4  # draws
 
 
 def budget(
@@ -74,8 +74,8 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
     """The draws of every track, with progress."""
     from palpate_uncertainty.monte_carlo import cases, propagate_draws
 
-    if draws < _FEWEST:
-        raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_FEWEST} are needed")
+    if draws < _MIN_DRAWS:
+        raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_MIN_DRAWS} are needed")
     found = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
@@ -135,7 +135,7 @@ def _share(value: Mapping[str, Any]) -> float | None:
 
 
 def _percent(share: float | None) -> str:
-    return "?" if share is None else "< 0.005" if share < _LEAST else f"{share:.2g}"
+    return "?" if share is None else "< 0.005" if share < _MIN_PERCENT else f"{share:.2g}"
 
 
 def _view(name: str, found: Mapping[str, Any]) -> Any:
@@ -187,7 +187,7 @@ def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:
     if effect is None or effect["contribution"] is None:
         return ""
     share = effect["percent"]
-    per_cent = "" if share is None else " (< 0.005 %)" if share < _LEAST else f" ({share:.2g} %)"
+    per_cent = "" if share is None else " (< 0.005 %)" if share < _MIN_PERCENT else f" ({share:.2g} %)"
     return f"{_shown(effect['contribution'], unit)}{per_cent}"
 
 

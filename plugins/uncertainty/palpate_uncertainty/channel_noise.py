@@ -15,7 +15,7 @@ Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a samp
 
 ENOUGH = 200  # samples at standstill
 OUTLIER = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
-_HIGHEST = 30  # order of the autoregression
+_MAX_ORDER = 30  # order of the autoregression
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def null_of(noise: Floats, source: Literal["standstill", "residual"] = "standsti
         return WHITE
     known = known - known.mean()
     best, best_bic = np.zeros(0), n * math.log(float(np.mean(known**2)))
-    for order, (coefficients, power) in enumerate(_burg(known, min(_HIGHEST, n // 20)), start=1):
+    for order, (coefficients, power) in enumerate(_burg(known, min(_MAX_ORDER, n // 20)), start=1):
         bic = n * math.log(max(power, 1e-300)) + order * math.log(n)
         if bic < best_bic:
             best, best_bic = coefficients, bic

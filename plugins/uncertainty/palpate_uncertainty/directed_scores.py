@@ -22,10 +22,10 @@ from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
 SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
-_SHORT = 4.0  # times the share that a score promises, which a refit may take
-_STEP = 1e-6  # of a number's range, and of a parameter
-_DEEPER = 1e-7  # [m]
-_ROUNDING = 1e-12  # of the square of a column of length 1, below which nothing of it is left
+_MAX_SHORTFALL = 4.0  # times the share that a score promises, which a refit may take
+_DIFFERENCE = 1e-6  # of a number's range, and of a parameter
+_DEPTH_STEP = 1e-7  # [m]
+_ROUNDING_SHARE = 1e-12  # of the square of a column of length 1, below which nothing of it is left
 
 
 class Score(NamedTuple):
@@ -36,7 +36,7 @@ class Score(NamedTuple):
 
     def counts(self, beyond: float) -> bool:
         """True where its refit may take a share of the variance, of what it leaves, `beyond` another one."""
-        return _SHORT * self.share > beyond * (1.0 - self.share)
+        return _MAX_SHORTFALL * self.share > beyond * (1.0 - self.share)
 
 
 def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> dict[str, Score]:
@@ -66,14 +66,14 @@ def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> 
 def _beside(square: Floats, count: int) -> Floats:
     """Products of the columns that follow the first ones with one another, less what these explain of them."""
     own, mixed = square[:count, :count], square[:count, count:]
-    return np.asarray(square[count:, count:] - mixed.T @ np.linalg.pinv(own, _ROUNDING, hermitian=True) @ mixed)
+    return np.asarray(square[count:, count:] - mixed.T @ np.linalg.pinv(own, _ROUNDING_SHARE, hermitian=True) @ mixed)
 
 
 def _explained(square: Floats, product: Floats) -> float:
     """Share of a square that columns explain, by their products with one another (m, m) and with it (m,)."""
     powers, directions = np.linalg.eigh(square)
     shares = (product @ directions) ** 2
-    return float(np.sum(shares[powers > _ROUNDING] / powers[powers > _ROUNDING]))
+    return float(np.sum(shares[powers > _ROUNDING_SHARE] / powers[powers > _ROUNDING_SHARE]))
 
 
 def model_slopes(course: Course, base: Refit) -> Floats:
@@ -81,9 +81,9 @@ def model_slopes(course: Course, base: Refit) -> Floats:
     at, columns = course.forces(base.theta, base.surface), []
     for i, value in enumerate(base.theta.tolist()):
         there = base.theta.copy()
-        there[i] += _STEP * (abs(value) or 1.0)
+        there[i] += _DIFFERENCE * (abs(value) or 1.0)
         columns.append((course.forces(there, base.surface) - at) / (there[i] - value))
-    columns.append((course.forces(base.theta, base.surface + _DEEPER) - at) / _DEEPER)
+    columns.append((course.forces(base.theta, base.surface + _DEPTH_STEP) - at) / _DEPTH_STEP)
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])
 
 
@@ -105,6 +105,6 @@ def _slopes_of(made: ModelAlternative, course: Course, base: Refit) -> Floats:
     at, columns = course.forces(base.theta, base.surface), []
     for i, (low, high) in enumerate(zip(made.lower, made.upper, strict=True)):
         there = np.zeros(len(made.start))
-        there[i] = _STEP * (high - low)
+        there[i] = _DIFFERENCE * (high - low)
         columns.append((made.force(base.theta, base.surface, there) - at) / there[i])
     return np.asarray(np.nan_to_num(np.column_stack(columns))[course.used])

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 
 from palpate import Flag
 
-_HARDLY = 0.01  # of a parameter
+_MIN_SHARE = 0.01  # of a parameter
 
 
 def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
     """Parameters that a robot which gives way shifts by more than a hundredth; `shares` of their values by name."""
-    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _HARDLY]
+    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _MIN_SHARE]
     if stiffness is not None and strong:
         yield Flag(
             "series-compliance",

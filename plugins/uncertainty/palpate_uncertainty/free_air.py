@@ -18,15 +18,15 @@ from palpate_uncertainty.refitted_model import standstill
 from palpate_uncertainty.whiteness import oscillation
 from palpate_uncertainty.zeroed_in_contact import zeroed_in_contact
 
-_SURE = 5.0  # standard deviations
-_ENOUGH = 100  # samples
-_BLOCK = 20  # samples that the noise of a mean is found over, so that it may hang together for as long
-_NEAR = 1e-3  # [m] above the surface, in which the material may still hold the tip
-_BEFORE = 0.05  # of the way in contact, the same of the air before it
-_CLOSE = 0.5e-3  # [m] the same, where the force is compared with the speed
-_CYCLES = 1.5  # of the motion's frequency in a standstill, to look for it there
-_SPAN = 10  # samples to either side, over which the speed is found
-_PULL = 16  # samples of a mean
+_MIN_DEVIATIONS = 5.0  # standard deviations
+_MIN_SAMPLES = 100  # samples
+_BLOCK_SAMPLES = 20  # samples that the noise of a mean is found over, so that it may hang together for as long
+_ADHESION_HEIGHT = 1e-3  # [m] above the surface, in which the material may still hold the tip
+_MIN_HEIGHT_SHARE = 0.05  # of the way in contact, the same of the air before it
+_DRAG_HEIGHT = 0.5e-3  # [m] the same, where the force is compared with the speed
+_MIN_CYCLES = 1.5  # of the motion's frequency in a standstill, to look for it there
+_SPEED_SAMPLES = 10  # samples to either side, over which the speed is found
+_PULL_SAMPLES = 16  # samples of a mean
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ def _tone(track: TrackEvidence, course: Along) -> Iterator[Flag]:
     time = track.air_time[: len(force)]
     known = np.isfinite(force)
     force, time = force[known], time[known]
-    if rhythm is None or len(force) < _ENOUGH or rhythm[0] * (time[-1] - time[0]) < _CYCLES:
+    if rhythm is None or len(force) < _MIN_SAMPLES or rhythm[0] * (time[-1] - time[0]) < _MIN_CYCLES:
         return
     angle = 2.0 * np.pi * rhythm[0] * time
     weights, errors = _regression(np.column_stack([np.sin(angle), np.cos(angle)]), force)
     size, error = float(np.hypot(*weights)), float(np.mean(errors))
-    if size < _SURE * error:
+    if size < _MIN_DEVIATIONS * error:
         return
     angle = 2.0 * np.pi * rhythm[0] * course.time
     parts = [course.answer(size * wave) for wave in (np.sin(angle), np.cos(angle))]
@@ -95,11 +95,11 @@ class _Motion:
     def of(cls, track: TrackEvidence) -> _Motion:
         """By least squares over the air before the first contact and after the last, each with its own zero."""
         # Before a touch is noticed the tip is in the material already.
-        before = _far(track, _Air(track.air_time, track.air_force, track.air_position), _BEFORE * _way(track))
-        parts = (before, _far(track, _Air(*track.air_after), _CLOSE))
+        before = _far(track, _Air(track.air_time, track.air_force, track.air_position), _MIN_HEIGHT_SHARE * _way(track))
+        parts = (before, _far(track, _Air(*track.air_after), _DRAG_HEIGHT))
         air = [inner for part in parts if len((inner := _inertia_free(track, part))[0])]
         nothing = cls(np.zeros(2), np.zeros(2), 0.0)
-        if sum(len(force) for force, _, _ in air) < _ENOUGH:
+        if sum(len(force) for force, _, _ in air) < _MIN_SAMPLES:
             return nothing
         force, speed, height = (np.concatenate([part[i] for part in air]) for i in range(3))
         stretch = np.concatenate([np.full(len(part[0]), float(i)) for i, part in enumerate(air)])
@@ -108,7 +108,7 @@ class _Motion:
         if np.linalg.matrix_rank(columns - columns.mean(axis=0)) < columns.shape[1]:
             return nothing
         weights, errors = (column[:2] for column in _regression(columns, force))
-        return cls(np.where(np.abs(weights) > _SURE * errors, weights, 0.0), errors, reference)
+        return cls(np.where(np.abs(weights) > _MIN_DEVIATIONS * errors, weights, 0.0), errors, reference)
 
 
 def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterator[Flag]:
@@ -129,12 +129,12 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
     """A force after the contact that is not the one before it: by drift, or a tare that was taken in contact."""
     force, _, _ = _inertia_free(track, _far(track, _Air(*track.air_after)))
-    if _estimates_zero(track, end) or len(force) < _ENOUGH:
+    if _estimates_zero(track, end) or len(force) < _MIN_SAMPLES:
         return
     tare = end.report.tare
     stated = tare.offset_std if tare is not None and tare.offset_std is not None else 0.0
     zero, error = float(np.mean(force)), float(np.hypot(_error_of_mean(force), stated))
-    if abs(zero) < _SURE * error:
+    if abs(zero) < _MIN_DEVIATIONS * error:
         return
     shifts = per_newton(course)
     text = f"after the contact the force is {zero:+.2g} +- {error:.1g} N, where it should be none"
@@ -157,17 +157,17 @@ def _adhesion(track: TrackEvidence, by_motion: _Motion, course: Along) -> Iterat
     if track.model.adhesive or track.model.memory:
         return
     after = _Air(*track.air_after)
-    if len(after.time) < _ENOUGH:
+    if len(after.time) < _MIN_SAMPLES:
         return
     force, speed, height = _inertia_free(track, after)
     force = force - by_motion.weights[0] * speed
-    near, rest = force[height < track.surface + _NEAR], force[height > track.surface + _NEAR]
-    if len(near) < _PULL or len(rest) < _ENOUGH:
+    near, rest = force[height < track.surface + _ADHESION_HEIGHT], force[height > track.surface + _ADHESION_HEIGHT]
+    if len(near) < _PULL_SAMPLES or len(rest) < _MIN_SAMPLES:
         return
-    mean = np.full(_PULL, 1.0 / _PULL)
+    mean = np.full(_PULL_SAMPLES, 1.0 / _PULL_SAMPLES)
     lowest = float(np.min(np.convolve(near, mean, "valid")))
     pull, error = float(np.mean(rest)) - lowest, float(np.std(np.convolve(rest, mean, "valid")))
-    if pull < _SURE * error:
+    if pull < _MIN_DEVIATIONS * error:
         return
     effects = _by_adhesion(track, course, pull)
     yield Flag("pull-off", f"the material pulls with {pull:.2g} +- {error:.1g} N on the way out", effects=effects)
@@ -201,7 +201,7 @@ def _way(track: TrackEvidence) -> float:
     return max(track.surface - float(np.nanmin(place)), 0.0) if np.isfinite(place).any() else 0.0
 
 
-def _far(track: TrackEvidence, air: _Air, above: float = _NEAR) -> _Air:
+def _far(track: TrackEvidence, air: _Air, above: float = _ADHESION_HEIGHT) -> _Air:
     """The part that is further above the surface than a material sticks."""
     far = air.height > track.surface + above
     return _Air(air.time[far], air.force[far], air.height[far])
@@ -209,7 +209,7 @@ def _far(track: TrackEvidence, air: _Air, above: float = _NEAR) -> _Air:
 
 def _inertia_free(track: TrackEvidence, air: _Air) -> tuple[Floats, Floats, Floats]:
     """Force (n,) [N] less the inertia of the tip, speed (n,) [m/s] and height (n,) [m], over blocks of samples."""
-    n = _SPAN
+    n = _SPEED_SAMPLES
     if len(air.time) < 4 * n:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     speed = (air.height[2 * n :] - air.height[: -2 * n]) / (air.time[2 * n :] - air.time[: -2 * n])
@@ -232,10 +232,10 @@ def _regression(columns: Floats, force: Floats) -> tuple[Floats, Floats]:
 
 def _error_of_mean(values: Floats) -> float:
     """Standard deviation of the mean of values (n,), by the scatter of the means of blocks."""
-    blocks = max(len(values) // _BLOCK, 1)
+    blocks = max(len(values) // _BLOCK_SAMPLES, 1)
     if blocks < 5:
         return float(np.std(values) / np.sqrt(max(len(values), 1)))
-    means = values[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
+    means = values[: blocks * _BLOCK_SAMPLES].reshape(blocks, _BLOCK_SAMPLES).mean(axis=1)
     white = float(np.std(values) / np.sqrt(len(values)))
     return max(float(np.std(means, ddof=1) / np.sqrt(blocks)), white)
 

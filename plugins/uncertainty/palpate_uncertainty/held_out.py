@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from palpate import ContactModel, Estimator, Floats, Problem, Samples, contact_force, force_over_time
 
 _BLOCKS = 4
-_WINDOW = 15  # samples of the local cubic for depth, rate and acceleration
-_FEWEST = 100  # samples of a block
+_CUBIC_SAMPLES = 15  # samples of the local cubic for depth, rate and acceleration
+_MIN_SAMPLES = 100  # samples of a block
 
 
 def held_out(model: ContactModel, estimator: Estimator, problem: Problem, samples: Samples) -> Floats:
@@ -22,7 +22,7 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
     a record that is too short. The estimator is one that fits what is `active`.
     """
     used = np.flatnonzero(samples.active & np.isfinite(samples.force) & np.isfinite(samples.position))
-    if len(used) < _BLOCKS * _FEWEST:
+    if len(used) < _BLOCKS * _MIN_SAMPLES:
         return np.zeros(0)
     edges = [samples.time[used[min(i * len(used) // _BLOCKS, len(used) - 1)]] for i in range(_BLOCKS + 1)]
     found = []
@@ -59,7 +59,7 @@ def _smooth(depth: Floats, step: float) -> tuple[Floats, Floats, Floats]:
     from scipy.signal import savgol_filter
 
     return (
-        np.asarray(savgol_filter(depth, _WINDOW, 3)),
-        np.asarray(savgol_filter(depth, _WINDOW, 3, deriv=1, delta=step)),
-        np.asarray(savgol_filter(depth, _WINDOW, 3, deriv=2, delta=step)),
+        np.asarray(savgol_filter(depth, _CUBIC_SAMPLES, 3)),
+        np.asarray(savgol_filter(depth, _CUBIC_SAMPLES, 3, deriv=1, delta=step)),
+        np.asarray(savgol_filter(depth, _CUBIC_SAMPLES, 3, deriv=2, delta=step)),
     )

@@ -14,12 +14,12 @@ from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_uncertainty.refit import depths_in_contact
 
-_HERTZ = 1.5  # power of the depth that a force goes with under a sphere
-_STEEPEST = math.radians(45.0)
-_STEP = math.radians(0.05)
-_SIGMAS = 5.0  # standard deviations of a share that is not by chance
-_LEAST = 0.02  # share; the axes of a force sensor hear one another by so much
-_WIDE = 2.0  # standard uncertainties of an inclination
+_HERTZ_POWER = 1.5  # power of the depth that a force goes with under a sphere
+_MAX_TILT = math.radians(45.0)
+_TILT_STEP = math.radians(0.05)
+_MIN_DEVIATIONS = 5.0  # standard deviations of a share that is not by chance
+_MIN_SHARE = 0.02  # share; the axes of a force sensor hear one another by so much
+_COVERAGE_FACTOR = 2.0  # standard uncertainties of an inclination
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,14 @@ class AcrossForce:
     @property
     def is_beyond(self) -> bool:
         """True where it is more than a tip that slides has at the stated inclination."""
-        return self.share.size - _SIGMAS * self.share.std > max(math.tan(self.stated[1]), _LEAST)
+        return self.share.size - _MIN_DEVIATIONS * self.share.std > max(math.tan(self.stated[1]), _MIN_SHARE)
 
     @property
     def is_below(self) -> bool:
         """True where it is less than a tip that sticks has."""
-        return self.share.size + max(_SIGMAS * self.share.std, _LEAST) < _sideways(self.stated[0], self.drag)
+        return self.share.size + max(_MIN_DEVIATIONS * self.share.std, _MIN_SHARE) < _sideways(
+            self.stated[0], self.drag
+        )
 
     @property
     def tells_friction(self) -> bool:
@@ -148,8 +150,8 @@ def _sideways(angle: float, drag: float) -> float:
 
 def possible_inclinations(share: float, drag: float) -> Floats:
     """Inclinations (n,) [rad], up to 45 degrees, that a sideways share of the force can come of."""
-    angles = math.atan(share) + np.arange(0.0, _STEEPEST, _STEP)
-    angles = angles[angles < _STEEPEST] if share < math.tan(_STEEPEST) else angles[:1]
+    angles = math.atan(share) + np.arange(0.0, _MAX_TILT, _TILT_STEP)
+    angles = angles[angles < _MAX_TILT] if share < math.tan(_MAX_TILT) else angles[:1]
     friction = np.tan(angles - math.atan(share))
     return np.asarray(angles[friction <= drag * np.tan(angles)])
 
@@ -168,7 +170,7 @@ def _power(across: AcrossForce) -> float:
     """Power of the depth that the force goes with."""
     tip = getattr(across.model, "indenter", None)
     if not isinstance(tip, Indenter):
-        return _HERTZ
+        return _HERTZ_POWER
     return float(across.depth * tip.contact_radius(across.depth) / tip.profile_area(across.depth))
 
 
@@ -178,4 +180,4 @@ def _stated(model: Any, std: float, depth: float) -> tuple[float, float]:
     if skin is None:
         return 0.0, 0.0
     seen = [skin.inclination, *(skin.inclination_at(model.indenter, d) for d in (1e-6, depth))]
-    return max(min(seen) - _WIDE * std, 0.0), max(seen) + _WIDE * std
+    return max(min(seen) - _COVERAGE_FACTOR * std, 0.0), max(seen) + _COVERAGE_FACTOR * std

@@ -8,8 +8,8 @@ from palpate import ContactModel, Floats, SampleStore, Tail
 from palpate_engine import force_slopes, hesitations
 from palpate_kit.numerics.normal_equations import standard_errors
 
-_ENOUGH = 100  # innovations to estimate their autocorrelation
-_FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
+_MIN_INNOVATIONS = 100  # innovations to estimate their autocorrelation
+_FADING_RATIO = 0.96  # of the variance that an estimator stated half a tail ago
 
 
 def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: float, samples: int) -> Floats:
@@ -42,7 +42,7 @@ def slope_by_chance(tail: Tail) -> Floats:
         return np.zeros(tail.std.shape[1])
     early, late = (half.mean(axis=0) for half in np.array_split(tail.std**2, 2))
     learnt = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span  # halves are half the span apart
-    return np.asarray(np.where(late < _FORGETS * early, learnt, tail.slope_of_a_walk(tail.values)))
+    return np.asarray(np.where(late < _FADING_RATIO * early, learnt, tail.slope_of_a_walk(tail.values)))
 
 
 def white_noise(tail: Tail) -> float:
@@ -63,7 +63,7 @@ def correlation(tail: Tail) -> tuple[int, float]:
     White innovations have none beyond 1/sqrt(n): what could not be predicted from the sample before (Mehra 1970).
     """
     known = tail.innovation[np.isfinite(tail.innovation) & steady(tail)]
-    if len(known) < _ENOUGH:
+    if len(known) < _MIN_INNOVATIONS:
         return 0, 0.0
     power = float((known**2).sum())
     shares = [float((known[lag:] * known[:-lag]).sum()) / power for lag in range(1, 11)] if power > 0 else [0.0]

@@ -12,14 +12,14 @@ from palpate import Floats
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import fit_relaxation
 
-_LAYER = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
-_DEEPER = 1e-6  # [m], for slopes
-_LATEST = 0.02  # [s]
-_MOST = 3000  # samples that a refit looks at
-_FARTHEST = 0.02  # [m] that the surface may move
-_HEAVIEST = 10.0  # [kg]
-_SOFTEST = 1e3  # [N/m] of arm and base
-_TOO_MUCH = 1e6  # [N]
+_LAYER_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
+_DEPTH_STEP = 1e-6  # [m], for slopes
+_MAX_DELAY = 0.02  # [s]
+_MAX_SAMPLES = 3000  # samples that a refit looks at
+_MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move
+_MAX_MASS = 10.0  # [kg]
+_MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base
+_MAX_FORCE = 1e6  # [N]
 MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
@@ -64,14 +64,14 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     """A model fitted from a start, parameters within its bounds."""
     from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
-    small = course if course.model.memory else course.reduced(_MOST)
+    small = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     made, k = make(small), len(theta)
     rows = np.flatnonzero(small.used)
-    rows = rows[:: max(1, -(-len(rows) // _MOST))]
+    rows = rows[:: max(1, -(-len(rows) // _MAX_SAMPLES))]
     sizes = np.where(theta != 0, np.abs(theta), 1.0)
     scale = np.concatenate([sizes, [1e-4], np.subtract(made.upper, made.lower)])
-    lower = np.array([*(p.lowest_estimate for p in course.model.parameters), -_FARTHEST, *made.lower]) / scale
-    upper = np.array([*(p.upper for p in course.model.parameters), _FARTHEST, *made.upper]) / scale
+    lower = np.array([*(p.lowest_estimate for p in course.model.parameters), -_MAX_SURFACE_SHIFT, *made.lower]) / scale
+    upper = np.array([*(p.upper for p in course.model.parameters), _MAX_SURFACE_SHIFT, *made.upper]) / scale
     start = np.array([*theta, 0.0, *made.start]) / scale
     margin = 1e-9 * np.maximum(1.0, np.abs(start))
     start = np.clip(start, lower + margin, upper - margin)
@@ -84,10 +84,10 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
         try:
             error = (small.force - made.force(*parts(x)))[rows]
         except ValueError:  # a memory that is too short for the samples
-            return np.full(len(rows), _TOO_MUCH)
-        if float(np.abs(error).max(initial=0.0)) <= _TOO_MUCH:  # of NaN it is not
+            return np.full(len(rows), _MAX_FORCE)
+        if float(np.abs(error).max(initial=0.0)) <= _MAX_FORCE:  # of NaN it is not
             return error
-        return np.clip(np.where(np.isfinite(error), error, _TOO_MUCH), -_TOO_MUCH, _TOO_MUCH)
+        return np.clip(np.where(np.isfinite(error), error, _MAX_FORCE), -_MAX_FORCE, _MAX_FORCE)
 
     found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
     numbers, full = parts(found.x), made if small is course else make(course)
@@ -157,8 +157,8 @@ def _timing(course: Course) -> ModelAlternative:
         "timing",
         lambda theta, surface, x: course.forces(theta, surface) - x[0] * course.change(theta, surface),
         (0.0,),
-        (-_LATEST,),
-        (_LATEST,),
+        (-_MAX_DELAY,),
+        (_MAX_DELAY,),
     )
 
 
@@ -182,7 +182,7 @@ def _compliance(course: Course, base: Refit) -> ModelAlternative:
         lambda theta, surface, x: course.yielded(theta, surface, float(x[0]) * force, float(x[0]) * change),
         (0.0,),
         (0.0,),
-        (1.0 / _SOFTEST,),
+        (1.0 / _MIN_RIG_STIFFNESS,),
     )
 
 
@@ -192,8 +192,8 @@ def _mass(course: Course) -> ModelAlternative:
         "mass",
         lambda theta, surface, x: course.forces(theta, surface) + x[0] * course.acceleration,
         (0.0,),
-        (-_HEAVIEST,),
-        (_HEAVIEST,),
+        (-_MAX_MASS,),
+        (_MAX_MASS,),
     )
 
 
@@ -228,12 +228,19 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
 
     def layer(surface: float, extra: Floats) -> Floats:
         x = float(extra[0]) * course.elastic(unit, surface)[1] / shape.slope
-        return np.asarray(1.0 + x * (_LAYER[0] + x * (_LAYER[1] + x * (_LAYER[2] + x * _LAYER[3]))))
+        return np.asarray(
+            1.0
+            + x
+            * (
+                _LAYER_COEFFICIENTS[0]
+                + x * (_LAYER_COEFFICIENTS[1] + x * (_LAYER_COEFFICIENTS[2] + x * _LAYER_COEFFICIENTS[3]))
+            )
+        )
 
     def force(theta: Floats, surface: float, extra: Floats) -> Floats:
         low, slope = course.elastic(theta, surface)
-        factor, deeper = layer(surface, extra), layer(surface + _DEEPER, extra)
-        growth = np.divide(low, slope, out=np.zeros_like(low), where=slope > 0) * (deeper - factor) / _DEEPER
+        factor, deeper = layer(surface, extra), layer(surface + _DEPTH_STEP, extra)
+        growth = np.divide(low, slope, out=np.zeros_like(low), where=slope > 0) * (deeper - factor) / _DEPTH_STEP
         viscous = course.forces(theta, surface) - low
         return np.asarray(low * factor + viscous * (factor + growth))
 

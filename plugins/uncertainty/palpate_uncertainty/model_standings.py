@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_SUPPORTED = 6.0  # of BIC, by independent samples; strong evidence beyond (Kass and Raftery 1995)
+_MAX_BIC_DIFFERENCE = 6.0  # of BIC, by independent samples; strong evidence beyond (Kass and Raftery 1995)
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ def sentence(standings: Sequence[ModelStanding], records: int) -> str:
     if not fair:
         return f"None of the models describes the data {over}: the residual of each is not the channel's noise."
     best = standings[0]
-    level = [one.model for one in standings if one.behind < _SUPPORTED]
-    refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _SUPPORTED]
+    level = [one.model for one in standings if one.behind < _MAX_BIC_DIFFERENCE]
+    refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _MAX_BIC_DIFFERENCE]
     text = f"The data {over} support {' and '.join(level)}"
     text += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
     text += f"; less {', '.join(refuted)} of BIC" if refuted else ""

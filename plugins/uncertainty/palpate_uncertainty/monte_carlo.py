@@ -25,9 +25,9 @@ from palpate_kit.terminal.progress import progress, report_progress
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
-_SLOPE = 10  # samples to either side that the slope of the force is taken over
-_CHUNK = 8
-_LONG = 100_000  # samples, from which on machine code for one draw is worth its compilation
+_SLOPE_SAMPLES = 10  # samples to either side that the slope of the force is taken over
+_CHUNK_DRAWS = 8
+_COMPILED_SAMPLES = 100_000  # samples, from which on machine code for one draw is worth its compilation
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ def propagate_draws(
     case: Case, draws: int, seed: int, workers: int | None = None, report: Callable[[int], None] = lambda done: None
 ) -> PropagatedDraws:
     """So many draws of a track, the same for the same seed however many processes share them."""
-    chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
+    chunks = [range(first, min(first + _CHUNK_DRAWS, draws)) for first in range(0, draws, _CHUNK_DRAWS)]
     found: list[Floats] = []
-    light = _lightly if len(case.samples) < _LONG else None
+    light = _lightly if len(case.samples) < _COMPILED_SAMPLES else None
     with ProcessPoolExecutor(workers, initializer=begin_worker, initargs=(light,)) as pool:
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
@@ -222,7 +222,7 @@ def _slope(samples: Samples) -> Floats:
     interval = float(np.median(samples.interval[1:]))
     known = np.isfinite(samples.force)
     force = np.interp(samples.time, samples.time[known], samples.force[known])
-    return np.asarray(savgol_filter(force, 2 * _SLOPE + 1, 3, deriv=1) / interval)
+    return np.asarray(savgol_filter(force, 2 * _SLOPE_SAMPLES + 1, 3, deriv=1) / interval)
 
 
 def with_number(part: Any, name: str, change: float) -> Any:

@@ -13,7 +13,7 @@ from palpate_uncertainty.delay.timing_shift import delay_shifts
 
 # Choices: a fault is reported where it is larger than noise and sampling make it.
 _MIN_LATENESS = 1e-3  # [s] of the velocity against the position: a sample at 1 kHz
-_SIGNIFICANT = 5.0  # [standard uncertainties] of that lateness
+_MIN_DEVIATIONS = 5.0  # [standard uncertainties] of that lateness
 _MIN_SHARE, _MAX_SHARE = 0.6, 1.5  # of the position's change by the velocity; noise and delay explain less
 _MAX_AIR_FORCE = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
 
@@ -46,7 +46,7 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
     if end.report.velocity_delay is None:
         return
     lateness, uncertainty = end.report.velocity_delay
-    if abs(lateness) <= max(_MIN_LATENESS, _SIGNIFICANT * uncertainty):
+    if abs(lateness) <= max(_MIN_LATENESS, _MIN_DEVIATIONS * uncertainty):
         return
     text = f"the velocity is {1e3 * lateness:.2g} ms late against the position: filtered, or of another clock"
     if course is None:

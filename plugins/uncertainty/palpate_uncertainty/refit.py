@@ -16,13 +16,13 @@ from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_uncertainty.channel_noise import Runs
 
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
-_STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
+_DEPTH_STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 IN_AIR = 0.05  # of the largest depth, above the surface by which a sample is in air
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
-_BENT = 0.1  # of the noise that smoothing may take from the signal
-_LATEST = 8  # answers that a course keeps
-_CORNER = 4.0  # standard deviations of a mean over the window
+_MAX_BEND_SHARE = 0.1  # of the noise that smoothing may take from the signal
+_MAX_ANSWERS = 8  # answers that a course keeps
+_CORNER_DEVIATIONS = 4.0  # standard deviations of a mean over the window
 
 _T = TypeVar("_T")
 
@@ -74,7 +74,7 @@ class Course:
         def at_rest() -> tuple[Floats, Floats]:
             depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
             low = self._force(depth, still, theta)
-            return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+            return low, (self._force(depth + _DEPTH_STEP, still, theta) - low) / _DEPTH_STEP
 
         return self._once("elastic", theta, surface, at_rest)
 
@@ -86,7 +86,7 @@ class Course:
         """The same for the same numbers, of which a search varies one at a time."""
         key = what, theta.tobytes(), surface
         if key not in self._latest:
-            if len(self._latest) >= _LATEST:
+            if len(self._latest) >= _MAX_ANSWERS:
                 del self._latest[next(iter(self._latest))]
             self._latest[key] = evaluate()
         found: _T = self._latest[key]
@@ -96,7 +96,7 @@ class Course:
         """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
         small = self.reduced(500) if not self.model.memory else self
         depth, force = small.depth(surface), small.forces(theta, surface)
-        by_depth = (small._force(depth + _STEP, small.rate, theta) - force) / _STEP
+        by_depth = (small._force(depth + _DEPTH_STEP, small.rate, theta) - force) / _DEPTH_STEP
         by_rate = (small._force(depth, small.rate + _RATE_STEP, theta) - force) / _RATE_STEP
         return float(np.mean((by_depth * self.noise[0]) ** 2 + (by_rate * self.noise[1]) ** 2))
 
@@ -108,7 +108,7 @@ class Course:
         depth, force = self.depth(surface), self.forces(theta, surface)
         if self.model.memory:
             return np.asarray(np.gradient(force, self.time))
-        by_depth = (self._force(depth + _STEP, self.rate, theta) - force) / _STEP
+        by_depth = (self._force(depth + _DEPTH_STEP, self.rate, theta) - force) / _DEPTH_STEP
         by_rate = (self._force(depth, self.rate + _RATE_STEP, theta) - force) / _RATE_STEP
         return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
 
@@ -220,12 +220,12 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
     for width in (width for width in _WINDOWS if width <= len(values)):
         tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
-        if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
+        if float(np.mean(taken**2)) > (_MAX_BEND_SHARE**2 + 2.0 / width) * noise**2:
             break
         smooth, longest = tried, width
     if not longest:
         return values, 0.0, np.zeros(len(values), bool)
     bent = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
-    corners = np.abs(bent) > _CORNER * noise / np.sqrt(longest)
+    corners = np.abs(bent) > _CORNER_DEVIATIONS * noise / np.sqrt(longest)
     corners = np.convolve(corners, np.ones(longest), "same") > 0.5
     return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(corners)

@@ -25,8 +25,8 @@ from palpate_uncertainty.score_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples
-_MOST_OF_ALL = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
-_SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
+_MAX_EXPLAINED_SHARE = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
+_MIN_DEPTH_SHARE = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
 # What innovations and residuals say where those of the model itself are noise: the noise given to a filter is then
 # judged by the distance of its estimate from least squares.
@@ -149,7 +149,7 @@ def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
     What stands at the limit of the sensor does not measure the force; a track that used it is judged by it.
     """
     kept, depth = track.kept, track.surface - track.kept.position
-    deep = (depth > _SHALLOW * np.nanmax(depth)) & ~at_limit(kept.force, kept.position, np.isfinite(kept.force))
+    deep = (depth > _MIN_DEPTH_SHARE * np.nanmax(depth)) & ~at_limit(kept.force, kept.position, np.isfinite(kept.force))
     return np.asarray(deep | kept.used)
 
 
@@ -211,7 +211,7 @@ def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -
     residual = base.fit.residual
     n, variance = len(residual), max(float(np.var(residual)), 1e-300)
     directed = [test.share for test in base.directed.values() if test.p * len(base.directed) < LEVEL]
-    share = min(max(base.test(residual).misfit, found.misfit, *directed, 0.0), _MOST_OF_ALL)
+    share = min(max(base.test(residual).misfit, found.misfit, *directed, 0.0), _MAX_EXPLAINED_SHARE)
     noise = variance * (1.0 - share)
     explanations = {}
     for other in base.others:

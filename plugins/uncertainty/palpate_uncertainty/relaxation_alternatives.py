@@ -9,11 +9,11 @@ from palpate import Floats
 
 from palpate_uncertainty.refit import Course
 
-_TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
-_MOST = 3000  # samples that are fitted
-_FARTHEST = 3e-3  # [m] that the surface may move
-_CLOSE = 1e-7  # [m]
-_FORGOTTEN = 1e-18  # of a change
+_RELAXATION_TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
+_MAX_SAMPLES = 3000  # samples that are fitted
+_MAX_SURFACE_SHIFT = 3e-3  # [m] that the surface may move
+_SURFACE_TOLERANCE = 1e-7  # [m]
+_MIN_MEMORY = 1e-18  # of a change
 
 
 def fit_relaxation(
@@ -32,16 +32,19 @@ def fit_relaxation(
     from scipy.optimize import minimize_scalar, nnls
 
     rows, times = np.flatnonzero(course.used), relaxation_times(course, fastest)
-    few = rows[:: max(1, -(-len(rows) // _MOST))]
+    few = rows[:: max(1, -(-len(rows) // _MAX_SAMPLES))]
 
     def cost(height: float) -> float:
         columns = relaxation_columns(course, theta, height, place, times)[few]
         return float(nnls(_scaled(columns)[0], course.force[few])[1])
 
-    span = min(_FARTHEST, 0.8 * float(np.min(course.depth(surface)[rows]))) if rows.size else 0.0
+    span = min(_MAX_SURFACE_SHIFT, 0.8 * float(np.min(course.depth(surface)[rows]))) if rows.size else 0.0
     span = max(span, 1e-4)
     found: Any = minimize_scalar(
-        cost, bounds=(surface - span, surface + _FARTHEST), method="bounded", options={"xatol": _CLOSE}
+        cost,
+        bounds=(surface - span, surface + _MAX_SURFACE_SHIFT),
+        method="bounded",
+        options={"xatol": _SURFACE_TOLERANCE},
     )
     columns = relaxation_columns(course, theta, float(found.x), place, times)
     scaled, sizes = _scaled(columns[few])
@@ -58,7 +61,7 @@ def fit_relaxation(
 def relaxation_times(course: Course, fastest: float) -> list[float]:
     """Time constants [s] of the branches that a course can show."""
     fastest = max(fastest, 3 * float(np.median(np.diff(course.time))))
-    return [time for time in _TIMES if fastest < time < course.span]
+    return [time for time in _RELAXATION_TIMES if fastest < time < course.span]
 
 
 def relaxation_columns(course: Course, theta: Floats, surface: float, place: int, times: list[float]) -> Floats:
@@ -87,7 +90,7 @@ def relaxing_share(force: Floats, ratio: float) -> Floats:
     """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
     keep, reach = float(np.exp(-ratio)), 1
     share = (1.0 - keep) / ratio * np.diff(force, prepend=force[0])
-    while reach < len(share) and keep > _FORGOTTEN:  # each turn doubles how far it remembers (Hillis and Steele 1986)
+    while reach < len(share) and keep > _MIN_MEMORY:  # each turn doubles how far it remembers (Hillis and Steele 1986)
         share[reach:] = share[reach:] + keep * share[:-reach]
         keep, reach = keep * keep, 2 * reach
     return share

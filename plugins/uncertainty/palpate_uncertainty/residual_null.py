@@ -16,13 +16,16 @@ from palpate_uncertainty.refit import Course
 
 AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
 REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
-_NEAR = 0.05  # of the way in contact, above which the air before it is air
-_LOWEST = 0.125  # of the band, from which on what a model leaves is noise
-_FLAT, _CHANCE = 1.5, 3.8  # by which parts of a flat band differ: a factor, or standard deviations of few readings
-_NEW = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
-_PER_LINE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
+_AIR_HEIGHT_SHARE = 0.05  # of the way in contact, above which the air before it is air
+_BAND_BEGIN = 0.125  # of the band, from which on what a model leaves is noise
+_FLATNESS_RATIO, _FLATNESS_DEVIATIONS = (
+    1.5,
+    3.8,
+)  # by which parts of a flat band differ: a factor, or standard deviations of few readings
+_MIN_CHANGE_SHARE = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
+_HANN_VARIANCE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
 LAW_ROUNDING = 2e-6  # of the range of the force, that a fit of a computed force leaves where contact sets in
-_COARSE = 0.5  # of the noise, above which a step of the readings counts in addition
+_MIN_STEP_NOISES = 0.5  # of the noise, above which a step of the readings counts in addition
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,9 @@ class ForceNoise:
         null, std = null_of(rest), float(np.std(rest, ddof=1))
         steps, digit = np.abs(np.diff(track.kept.force)), LastDigit.of(track.kept.force)
         share = float(np.mean(steps == 0)) if len(steps) else 0.0
-        if share > 0.02 or digit.step > _COARSE * std:  # readings in steps: those add noise that the air need not show
+        if (
+            share > 0.02 or digit.step > _MIN_STEP_NOISES * std
+        ):  # readings in steps: those add noise that the air need not show
             std = float(np.hypot(std, digit.noise))
         return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
 
@@ -85,7 +90,7 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     if until < READINGS or time[until - 1] - time[0] < AIR:
         kept = track.kept.position
         way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
-        near = place < track.surface + _NEAR * way
+        near = place < track.surface + _AIR_HEIGHT_SHARE * way
         until = int(np.argmax(near)) if near.any() else len(place)
     if until < READINGS or time[until - 1] - time[0] < AIR:
         return None
@@ -120,14 +125,14 @@ def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:
     None where that is not flat, or below the step of the readings. A few samples show little of how flat it is.
     """
     steps = np.abs(np.diff(readings))
-    if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _NEW * len(steps):
+    if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _MIN_CHANGE_SHARE * len(steps):
         return None
     window = np.hanning(len(left))
     power = np.abs(np.fft.rfft(np.diff(left, 2) * window[1:-1])) ** 2 / float(window @ window)
-    angle = np.linspace(0.0, np.pi, len(power))[int(_LOWEST * len(power)) :]
+    angle = np.linspace(0.0, np.pi, len(power))[int(_BAND_BEGIN * len(power)) :]
     band = power[-len(angle) :] / (2.0 * np.sin(angle / 2.0)) ** 4
     parts = [float(np.mean(part)) for part in np.array_split(band, 4)]
-    flat = max(_FLAT, float(np.exp(_CHANCE * np.sqrt(_PER_LINE * 4 / len(band)))))
+    flat = max(_FLATNESS_RATIO, float(np.exp(_FLATNESS_DEVIATIONS * np.sqrt(_HANN_VARIANCE * 4 / len(band)))))
     if max(parts) > flat * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
         return None
     return ForceNoise(max(parts) ** 0.5, np.zeros(0), len(band))

@@ -18,18 +18,20 @@ from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_withou
 from palpate_uncertainty.residual_null import rounding_noise, slopes_of
 
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
-_BINS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
-_STEPS = 8  # bins of what moves in time
-_LIMIT = 0.95  # of the largest force, above which a sensor may give less
-_AHEAD = 0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
-_STEP = 20.0  # times the noise of a height, of depths that are distinguished
-_CLEAR = 10.0  # times the noise of an acceleration, from which on it is one
-_SLOW = 0.05  # of the largest speed, below which friction is not full
-_DEEP = 0.04  # of the largest depth, above which a bin is not judged
+_BIN_COUNTS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
+_TIME_STEPS = 8  # bins of what moves in time
+_LIMIT_SHARE = 0.95  # of the largest force, above which a sensor may give less
+_COMMAND_DELAY = (
+    0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
+)
+_DEPTH_STEP_NOISES = 20.0  # times the noise of a height, of depths that are distinguished
+_MIN_ACCELERATION_NOISES = 10.0  # times the noise of an acceleration, from which on it is one
+_FRICTION_SPEED_SHARE = 0.05  # of the largest speed, below which friction is not full
+_MIN_DEPTH_SHARE = 0.04  # of the largest depth, above which a bin is not judged
 _SECOND_CONTACTS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest depth, from which on something else bears as well
-_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
-_SMALL = 0.5e-3  # [m] radius of a tip
-_WIDE, _NARROW = 0.08, 11  # [s] and samples of the window of slow accelerations
+_RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
+_SMALL_RADIUS = 0.5e-3  # [m] radius of a tip
+_SLOPE_WINDOW, _MIN_SLOPE_SAMPLES = 0.08, 11  # [s] and samples of the window of slow accelerations
 _OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
 
 
@@ -86,7 +88,7 @@ class JudgedRows:
     @property
     def _is_small(self) -> bool:
         """Whether the tip is not that of a robot, which has another zero and hardly a mass."""
-        return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL) < _SMALL)
+        return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL_RADIUS) < _SMALL_RADIUS)
 
     def _fixed(self) -> Iterator[tuple[str, Floats, float]]:
         """Name, derivative (n,) of the force, and stated standard uncertainty of each number that is held fixed."""
@@ -135,15 +137,15 @@ class JudgedRows:
 
     def places(self) -> Iterator[tuple[str, Floats]]:
         """Indicators (n, m) of the bins over which any pattern would show."""
-        deep = self.contact & (self.depth > _DEEP * float(np.max(self.depth)))
+        deep = self.contact & (self.depth > _MIN_DEPTH_SHARE * float(np.max(self.depth)))
         for name, values, rows in (
             ("time", self.time, deep),
             ("depth", self._level, deep),
             ("speed", self.rate, deep),
             ("air", self.time, ~self.contact),
         ):
-            if np.count_nonzero(rows) >= 2 * _BINS[name]:
-                yield name, bins_of(np.where(rows, values, np.nan), _BINS[name])
+            if np.count_nonzero(rows) >= 2 * _BIN_COUNTS[name]:
+                yield name, bins_of(np.where(rows, values, np.nan), _BIN_COUNTS[name])
 
     @property
     def _level(self) -> Floats:
@@ -151,7 +153,7 @@ class JudgedRows:
 
         Steps are where the fewest samples are, and none where the tip is held.
         """
-        step = _STEP * noise_of(self.track.kept.position, self.track.kept.time)
+        step = _DEPTH_STEP_NOISES * noise_of(self.track.kept.position, self.track.kept.time)
         if not step > 0:
             return self.depth
         place = self.depth / step
@@ -181,10 +183,10 @@ class JudgedRows:
         yield "thickness", 0.5, elastic * part
         yield "stiffness that changes", 0.3, elastic * self._since
         yield "surface moved", 0.1 * deepest, self.by_depth * (self._since - 0.5)
-        steps = bins_of(np.where(self.contact, self.time, np.nan), _STEPS)
+        steps = bins_of(np.where(self.contact, self.time, np.nan), _TIME_STEPS)
         yield "surface moved in steps", math.inf, self.by_depth[:, None] * steps
         step, every = float(np.median(np.diff(self.course.time))), self.course.elastic(*self._at)[0]
-        for tau in _TIMES:
+        for tau in _RELAXATION_TIMES:
             yield f"memory of {tau:g} s", 0.3, self._whole(_relaxing(every, step, tau))
         back = self.rate < 0
         if (back & self.contact).any() and not back[: self.count].all():
@@ -199,9 +201,9 @@ class JudgedRows:
             yield "mass", 0.1, self.acceleration
         if end is not None:  # a stated mount as well: it may give more
             yield "compliance", 1.0 / 5e3, self._given_way
-        yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT * most, 0.0)
+        yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT_SHARE * most, 0.0)
         if self._bends:
-            yield "command", _AHEAD**2, self.by_depth * self.acceleration
+            yield "command", _COMMAND_DELAY**2, self.by_depth * self.acceleration
         if self._tells_zero:  # zeroed in air: another zero in contact is one that the contact itself has
             yield "zero of the force", 0.05 * most, self.contact.astype(float)
         elif end is not None:  # a force that was zeroed in contact lacks what the tip already bore
@@ -210,7 +212,7 @@ class JudgedRows:
             beyond = np.maximum(self.depth - part * deepest, 0.0)
             yield f"second contact of {part:g}", 0.3 * float(np.max(self._elastic)) / deepest, beyond
         yield "drift", 0.05 * most, self._since
-        yield "drift in steps", math.inf, bins_of(self.time, _STEPS)
+        yield "drift in steps", math.inf, bins_of(self.time, _TIME_STEPS)
 
     def _of_the_air(self) -> Iterator[tuple[Any, ...]]:
         """What is in the air, and in contact as well."""
@@ -218,7 +220,7 @@ class JudgedRows:
         if self._has_air:
             speed = self.rate / max(float(np.max(np.abs(self.rate))), 1e-300)
             yield "drag", most, speed
-            yield "friction", most, np.tanh(speed / _SLOW)
+            yield "friction", most, np.tanh(speed / _FRICTION_SPEED_SHARE)
             yield "cable", most, self.depth / float(np.max(self.depth))
             yield "adhesion", most, -self.contact.astype(float)
 
@@ -230,7 +232,7 @@ class JudgedRows:
         noise = noise_of(self.track.kept.position, self.track.kept.time) * float(
             np.linalg.norm(np.convolve(slope, slope))
         )
-        return float(np.sqrt(np.mean(self.acceleration[: self.count] ** 2))) > _CLEAR * noise
+        return float(np.sqrt(np.mean(self.acceleration[: self.count] ** 2))) > _MIN_ACCELERATION_NOISES * noise
 
     @property
     def _at(self) -> tuple[Floats, float]:
@@ -255,11 +257,11 @@ def _air(track: TrackEvidence, deepest: float) -> Floats:
     for time, force, place in ((track.air_time, track.air_force, track.air_position), tuple(track.air_after)):
         known = np.isfinite(force) & np.isfinite(place)
         time, force, depth = time[known], force[known], track.surface - place[known]
-        if len(time) <= 4 * _NARROW or not np.all(np.diff(time) > 0):
+        if len(time) <= 4 * _MIN_SLOPE_SAMPLES or not np.all(np.diff(time) > 0):
             continue
         rate = _slope(time, depth)
         rows = depth < -IN_AIR * deepest
-        rows[:_NARROW] = rows[-_NARROW:] = False  # where a local cubic has one side only
+        rows[:_MIN_SLOPE_SAMPLES] = rows[-_MIN_SLOPE_SAMPLES:] = False  # where a local cubic has one side only
         found.append(np.array([time, depth, rate, _slope(time, rate), force])[:, rows])
     return np.concatenate(found, axis=1)
 
@@ -281,7 +283,7 @@ def slow_acceleration(course: Course) -> Floats:
 
 def _width(step: float, count: int) -> int:
     """Samples of the window of slow slopes."""
-    return min(max(round(_WIDE / step) // 2 * 2 + 1, _NARROW), (count - 1) // 2 * 2 + 1)
+    return min(max(round(_SLOPE_WINDOW / step) // 2 * 2 + 1, _MIN_SLOPE_SAMPLES), (count - 1) // 2 * 2 + 1)
 
 
 def _relaxing(elastic: Floats, step: float, tau: float) -> Floats:

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from palpate import Diagnosed, Flag, Indenter, TrackEvidence
 
 # [rad] between tool and normal, beyond which a value is doubtful, and none.
-_SPHERE = math.radians(45.0), math.radians(60.0)
-_OTHER = math.radians(2.0), math.radians(10.0)
+_SPHERE_LIMITS = math.radians(45.0), math.radians(60.0)
+_OTHER_LIMITS = math.radians(2.0), math.radians(10.0)
 
 
 def tool_off_normal(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -26,7 +26,7 @@ def _of(track: TrackEvidence) -> Flag | None:
     turned = None if track.ending is None else track.ending.report.turned
     tip = getattr(track.model, "indenter", None)
     is_sphere = isinstance(tip, Indenter) and tip.sphere_radius is not None
-    doubtful, most = _SPHERE if is_sphere else _OTHER
+    doubtful, most = _SPHERE_LIMITS if is_sphere else _OTHER_LIMITS
     if turned is None or turned.tilt <= doubtful:
         return None
     known = f"a {'sphere' if is_sphere else 'tip that is not a sphere'} is known to {math.degrees(doubtful):.0f} deg"

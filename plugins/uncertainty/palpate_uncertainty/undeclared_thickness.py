@@ -7,20 +7,23 @@ from palpate import Indenter, TrackEvidence
 
 from palpate_uncertainty.refit import depths_in_contact
 
-_BONDED = (1.133, 1.283, 0.769, 0.0975)  # of X, X^2, ...: Dimitriadis et al. 2002, eq. 13
-_MATTERS = 0.05  # of the elasticity
+_BONDED_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # of X, X^2, ...: Dimitriadis et al. 2002, eq. 13
+_MIN_ELASTICITY_SHARE = 0.05  # of the elasticity
 
 
 def stiffer_by(radius: float, height: float) -> float:
     """By what share a layer of a height [m] is stiffer under a contact of a radius [m] than the half-space."""
     share = radius / height
-    return share * (_BONDED[0] + share * (_BONDED[1] + share * (_BONDED[2] + share * _BONDED[3])))
+    return share * (
+        _BONDED_COEFFICIENTS[0]
+        + share * (_BONDED_COEFFICIENTS[1] + share * (_BONDED_COEFFICIENTS[2] + share * _BONDED_COEFFICIENTS[3]))
+    )
 
 
-def half_space_from(track: TrackEvidence, share: float = _MATTERS) -> float | None:
+def half_space_from(track: TrackEvidence, share: float = _MIN_ELASTICITY_SHARE) -> float | None:
     """Return how thick [m] the specimen has to be for its elasticity to be within a share; None for a layer."""
     radius = _contact_radius(track)
-    return None if radius is None else radius * _BONDED[0] / share
+    return None if radius is None else radius * _BONDED_COEFFICIENTS[0] / share
 
 
 def _contact_radius(track: TrackEvidence) -> float | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
 
-_OUT = 0.5  # of the largest depth; an oscillation above it moves the contact's edge little
+_MAX_DEPTH_SHARE = 0.5  # of the largest depth; an oscillation above it moves the contact's edge little
 
 
 def unloading(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -18,7 +18,7 @@ def unloading(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
             continue
         depth = track.surface - track.kept.position[track.kept.used]
         depth = depth[np.isfinite(depth)]
-        if len(depth) and (left := float(depth[int(np.argmax(depth)) :].min()) / float(depth.max())) < _OUT:
+        if len(depth) and (left := float(depth[int(np.argmax(depth)) :].min()) / float(depth.max())) < _MAX_DEPTH_SHARE:
             text = (
                 f"the tip came back to {100 * max(left, 0.0):.0f} % of its depth; the contact is smaller in unloading"
             )

@@ -16,11 +16,11 @@ from palpate_uncertainty.chi_square import chance_of_more
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
-_NEAR = 10
-_BLOCK_LAGS = 20  # blocks of `_NEAR` samples, where no standstill shows the channel's own memory
-_FEWEST = 8  # samples of a bin, for its mean to be nearly normal
-_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
-_CYCLES = 4.0
+_NEAR_SAMPLES = 10
+_BLOCK_LAGS = 20  # blocks of `_NEAR_SAMPLES` samples, where no standstill shows the channel's own memory
+_MIN_BIN_SAMPLES = 8  # samples of a bin, for its mean to be nearly normal
+_MIN_LINE_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
+_MIN_CYCLES = 4.0
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,13 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     """
     n, power = len(white), float((white**2).sum())
     total = near = 0.0
-    for lag in range(1, _NEAR + LAGS + 1):
+    for lag in range(1, _NEAR_SAMPLES + LAGS + 1):
         together = runs[lag:] == runs[:-lag]
         pairs = int(np.count_nonzero(together))
         if not pairs:
             continue
         share = float((white[lag:] * white[:-lag])[together].sum()) / power
-        if lag <= _NEAR:
+        if lag <= _NEAR_SAMPLES:
             near += share**2
         else:
             total += n * (n + 2.0) / pairs * share**2
@@ -100,8 +100,10 @@ def _slow_memory(values: Floats, runs: Runs) -> tuple[float, float]:
     A channel hangs together for some samples, and no noise at rest says for how many: what hangs together for longer
     than two blocks of 10 samples is not the channel.
     """
-    blocks = np.flatnonzero(runs[_NEAR - 1 :: _NEAR] == runs[: len(runs) - _NEAR + 1 : _NEAR])
-    means = values[: len(values) // _NEAR * _NEAR].reshape(-1, _NEAR).mean(axis=1)[blocks]
+    blocks = np.flatnonzero(
+        runs[_NEAR_SAMPLES - 1 :: _NEAR_SAMPLES] == runs[: len(runs) - _NEAR_SAMPLES + 1 : _NEAR_SAMPLES]
+    )
+    means = values[: len(values) // _NEAR_SAMPLES * _NEAR_SAMPLES].reshape(-1, _NEAR_SAMPLES).mean(axis=1)[blocks]
     means = means[np.isfinite(means)]
     if len(means) < 4 * _BLOCK_LAGS:
         return 1.0, 0.0
@@ -122,7 +124,7 @@ def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) ->
     """p of the means over bins, of values of variance 1 and mean 0 under the null, and the power of their pattern."""
     number = np.bincount(bins, minlength=count)
     sums = np.bincount(bins, weights=white, minlength=count)
-    enough = number >= _FEWEST
+    enough = number >= _MIN_BIN_SAMPLES
     freedom = max(int(np.count_nonzero(enough)), 1)
     total = float((sums[enough] ** 2 / number[enough]).sum())
     return float(chance_of_more(freedom, total / excess)), max(total - excess * freedom, 0.0) / len(white)
@@ -155,7 +157,7 @@ def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
     lines = (peak + np.linspace(-4, 4, 81)) / (4 * span)
     best = float(lines[int(np.argmax(_powers(even, level, lines)))])
     power, angle = _sine(even, level, best)
-    if power < _SHARE * variance or best * span < _CYCLES:
+    if power < _MIN_LINE_SHARE * variance or best * span < _MIN_CYCLES:
         return None
     return best, np.mod(2 * np.pi * best * (time - even[0]) + angle, 2 * np.pi)
 

@@ -6,10 +6,10 @@ import numpy as np
 from palpate import Floats, TrackEvidence
 
 # A joint's encoders give a tip 5 um of noise, 1e-3 of a palpation's way; a command in the same logs has 0.05 um.
-_QUIET = 2e-7  # [m] noise that no arm's encoders stay below
-_SHARE = 1e-4  # of the way, that the noise of a measured one is never below
-_FAR = 2e-4  # [m] of way; less is that of an instrument with other sensors
-_ENOUGH = 500  # samples
+_MIN_HEIGHT_NOISE = 2e-7  # [m] noise that no arm's encoders stay below
+_MIN_NOISE_SHARE = 1e-4  # of the way, that the noise of a measured one is never below
+_MIN_WAY = 2e-4  # [m] of way; less is that of an instrument with other sensors
+_MIN_SAMPLES = 500  # samples
 
 
 def share_of_command(noise: float, way: float) -> float:
@@ -21,8 +21,8 @@ def share_of_command(noise: float, way: float) -> float:
     >>> share_of_command(5e-8, 4e-3), share_of_command(2e-7, 4e-3)
     (1.0, 0.0)
     """
-    least = min(_QUIET, _SHARE * way)
-    if way < _FAR or not noise < least:
+    least = min(_MIN_HEIGHT_NOISE, _MIN_NOISE_SHARE * way)
+    if way < _MIN_WAY or not noise < least:
         return 0.0
     return min(float(np.log2(least / noise)), 1.0) if noise > 0.0 else 1.0
 
@@ -36,7 +36,7 @@ def position_noise(track: TrackEvidence) -> tuple[float, float]:
     whole = runs[4:] == runs[:-4]
     fourth: Floats = np.diff(height, 4)[whole]
     fourth = fourth[np.isfinite(fourth)]
-    if len(fourth) < _ENOUGH:
+    if len(fourth) < _MIN_SAMPLES:
         return float("nan"), 0.0
     return 1.4826 * float(np.median(np.abs(fourth))) / float(np.sqrt(70.0)), float(
         np.nanmax(height) - np.nanmin(height)

@@ -16,7 +16,7 @@ from palpate_uncertainty.whiteness import oscillation
 
 # Choices: how much may fade without a law that says so, and what of it is worth a note.
 FADING = 0.1  # of the stiffness: "a tenth" in the sentence
-_NOTABLE = 0.1  # of a viscosity
+_MIN_SHARE = 0.1  # of a viscosity
 
 
 def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -41,7 +41,7 @@ def one_frequency_text(track: TrackEvidence) -> str:
     parts = [
         f"{like['value']:.3g} of the {values[name]:.3g} {display_unit(like['unit'])[0]} of {name}"
         for name, like in table["looks_like"].items()
-        if like["value"] > _NOTABLE * abs(values[name])
+        if like["value"] > _MIN_SHARE * abs(values[name])
     ]
     milliseconds = float(f"{1e3 * table['time']:.2g}")
     within = f"if a tenth of the stiffness relaxed within {milliseconds:g} ms, that would be"

@@ -9,11 +9,11 @@ from palpate import Floats, Tail
 from palpate_engine import acceleration
 
 # Choices: a smooth elastic force, and few enough pieces that residuals of neighbouring ones are independent.
-_DEGREE = 5  # of the elastic force over the depth
+_POLYNOMIAL_DEGREE = 5  # of the elastic force over the depth
 _PIECES = 12  # of the record, whose scatter is the standard error
 _MIN_SAMPLES = 200  # that go both ways over the same depths
 # Choices: the lateness that is reported.
-_SIGNIFICANT = 5.0  # [standard errors]
+_MIN_STANDARD_ERRORS = 5.0  # [standard errors]
 _MIN_LATENESS = 3e-4  # [s]
 
 Column = np.ndarray[tuple[int], np.dtype[np.float64]]
@@ -37,7 +37,7 @@ def force_lateness(tail: Tail, tip_mass: float) -> float | None:
         return None
     # The force as a polynomial of the depth and a share of the velocity, by orthonormal columns.
     depth, speed, force = (2 * tail.position[rows] - low - high) / (high - low), tail.velocity[rows], force[rows]
-    *elastic, viscous = _orthonormal((*np.polynomial.chebyshev.chebvander(depth, _DEGREE).T, speed))
+    *elastic, viscous = _orthonormal((*np.polynomial.chebyshev.chebvander(depth, _POLYNOMIAL_DEGREE).T, speed))
     residual = force
     for column in elastic:
         residual = residual - column * float((column * residual).sum())
@@ -52,7 +52,7 @@ def force_lateness(tail: Tail, tip_mass: float) -> float | None:
     if length <= 0 or slope <= 0:
         return None
     lateness = drag / length / slope
-    return lateness if lateness > max(_MIN_LATENESS, _SIGNIFICANT * (error / length / slope)) else None
+    return lateness if lateness > max(_MIN_LATENESS, _MIN_STANDARD_ERRORS * (error / length / slope)) else None
 
 
 def _common_depths(down: Floats, up: Floats) -> tuple[float, float] | None:

@@ -15,7 +15,9 @@ from palpate_uncertainty.refit import Course, make_course
 
 LATEST = 0.03  # [s]
 _WINDOWS = (5, 7, 9, 11, 15, 19, 25, 31, 41)  # samples of the local cubic for rate and acceleration
-_NOISE = 0.02  # of the RMS rate: what the shortest of them leaves of its noise, so that fast motions are not bent
+_MAX_NOISE_SHARE = (
+    0.02  # of the RMS rate: what the shortest of them leaves of its noise, so that fast motions are not bent
+)
 
 Columns = Callable[[Course, float, Floats], Floats]  # forces (n, c) of units along a motion, by surface and numbers
 
@@ -96,7 +98,7 @@ class TimedRecord:
 def _motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, Floats, int]:
     """Rate and acceleration (n,) of the depth, from height and velocity by their noise, and the window [samples]."""
     height, speed = -track.kept.position, -track.kept.velocity
-    usual = _NOISE * float(np.sqrt(np.mean(speed[course.used] ** 2)))
+    usual = _MAX_NOISE_SHARE * float(np.sqrt(np.mean(speed[course.used] ** 2)))
     of_height, of_speed = white_noise(height) / step, white_noise(speed)
     width, slope, value = 1, 0.0, 0.0
     for width in _WINDOWS:
