@@ -23,12 +23,16 @@ class ArmWatch:
         self._first: ArmReading | None = None  # at the start of the motion
         self._age = ReadingAge()
         self._ahead = math.inf  # [s] of the time-stamp that was most ahead of its arrival
+        self._stamp = -math.inf  # [s] of the latest state
+        self._step_back = 0.0  # [s] from one time-stamp to the next, the latest time that one was older
 
     def check_state(self) -> None:
         """Raise ArmFaultError where the newest state makes no sense."""
         arm = self._arm
         if not math.isfinite(arm.stamp):
             raise self._garbled("the controller's time-stamp is not a number")
+        self._stamp, back = arm.stamp, self._stamp - arm.stamp
+        self._step_back = back if back > 0.0 else self._step_back
         ahead = arm.stamp - arm.seen / 1e9
         if ahead > self._ahead + _AHEAD:
             raise self._garbled(
@@ -63,7 +67,14 @@ class ArmWatch:
 
     def lateness(self, limit: float) -> str | None:
         """Why the arm is not where its states have it: the latest two were older than a limit [s]; None in time."""
-        return self._age.complaint("the controller's states", limit)
+        text = self._age.complaint("the controller's states", limit)
+        # Older by so much at once: they are not late.
+        if text is None or self._step_back <= limit:
+            return text
+        return (
+            f"the controller's time-stamps go back by {1e3 * self._step_back:.4g} ms while its states go on: they "
+            "arrive out of order, or its clock was set back; where the tip stands now is not known"
+        )
 
     def check_links(self, now: int) -> None:
         """Raise ArmFaultError where a connection is lost or silent."""

@@ -179,7 +179,10 @@ def _disobedience(step: HandshakeStep, commanded: Floats, moved: Floats, speed: 
     along, wanted = float(moved @ step.axis), float(commanded @ step.axis)
     what = f"the arm was commanded to move by {1e3 * wanted:.2f} mm {step.direction} and has moved by"
     if way < 0.5 * wanted and along > -PLAY:
-        return f"{what} {1e3 * way:.2f} mm (does it take commands? are its lag and its deadband stated?)"
+        return (
+            f"{what} {1e3 * way:.2f} mm (does it take commands? are its lag and its deadband stated? do its states "
+            "come late?)"
+        )
     if along < 0.0:
         return f"{what} {-1e3 * along:.2f} mm the other way{fast} (is the sign of an axis reversed?)"
     if length(moved - along * step.axis) > SHARE * along:

@@ -1,16 +1,20 @@
 """Terminals of every kind: narrow, dumb, without colours, locale or reader; and Ctrl-C at once."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import time
+from typing import Annotated
 
 import numpy as np
 import pytest
+from palpate_engine.cli import import_interrupts
 from palpate_engine.cli.import_interrupts import deferred_interrupts
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells, console
+from pydantic import BeforeValidator, TypeAdapter
 from rich.table import Table
 
 from tests.processes import PIPE, start
@@ -118,6 +122,101 @@ def test_ctrl_c_during_an_import_is_not_lost(palpate, point_pipeline, tmp_path, 
     assert (tmp_path / "whole").exists()
 
 
+def wait_for_the_press():
+    """Longer than a press that waits takes to be raised."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def press():
+    signal.raise_signal(signal.SIGINT)
+
+
+class PressDuringDeletion:
+    def __del__(self):
+        press()
+
+
+def swallow_in_pydantic(steps):
+    """Its compiled core drops exceptions of what it calls, or makes others of them."""
+
+    def validate(value):
+        press()
+        steps.append("whole")
+        return value
+
+    TypeAdapter(Annotated[int, BeforeValidator(validate)]).validate_python(1)
+
+
+def swallow_in_destructor(steps):
+    steps.append(PressDuringDeletion())
+    steps.clear()
+    steps.append("whole")
+
+
+def swallow_in_long_import(steps):
+    """The exception that ends an import which takes too long is swallowed by that."""
+    code = "def take_long():\n    try:\n        wait()\n    except BaseException:\n        steps.append('whole')\n"
+    names = {"wait": lambda: (press(), wait_for_the_press()), "steps": steps}
+    exec(compile(code, "<frozen importlib._bootstrap>", "exec"), names)
+    names["take_long"]()
+
+
+@pytest.mark.parametrize("swallow", [swallow_in_pydantic, swallow_in_destructor, swallow_in_long_import])
+def test_ctrl_c_that_is_swallowed_is_raised_afterwards(swallow, monkeypatch):
+    """Of some hundred runs that were stopped while they were loaded two went on to their ends."""
+    monkeypatch.setattr(import_interrupts, "_LONGEST", 0.05)
+    steps = []
+
+    def go_on():
+        swallow(steps)
+        wait_for_the_press()
+
+    with without_handlers(), pytest.raises(KeyboardInterrupt):
+        interruptibly(go_on)
+    assert steps == ["whole"]
+    assert signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
+
+
+def test_ctrl_c_that_ends_a_long_import_is_raised_once(monkeypatch):
+    """Whatever is put in order on the way out is not ended as well."""
+    monkeypatch.setattr(import_interrupts, "_LONGEST", 0.05)
+    order = []
+    code = "def take_long():\n    wait()\n"
+    names = {"wait": lambda: (press(), wait_for_the_press())}
+    exec(compile(code, "<frozen importlib._bootstrap>", "exec"), names)
+
+    def put_in_order():
+        try:
+            names["take_long"]()
+        finally:
+            time.sleep(0.3)
+            order.append("whole")
+
+    with without_handlers(), pytest.raises(KeyboardInterrupt):
+        interruptibly(put_in_order)
+    assert order == ["whole"]
+
+
+def interruptibly(function):
+    """Call a function as the command line does."""
+    with deferred_interrupts():
+        function()
+
+
+@contextlib.contextmanager
+def without_handlers():
+    """The handlers and the hook of a process that begins, within the context."""
+    before, hook = signal.signal(signal.SIGINT, signal.default_int_handler), sys.unraisablehook
+    sys.unraisablehook = sys.__unraisablehook__
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = hook
+
+
 def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
     table = Table(title="results")
@@ -169,25 +268,3 @@ def test_no_table_cuts_a_number(capsys, monkeypatch, seed):
         parts = [part for row in rows for cell in row for part in ([cell] if "┃" in shown else cell.split())]
         assert [part for part in parts if part not in shown] == []
         assert max(map(len, shown.splitlines())) <= width
-
-
-class Finaliser:
-    """Is interrupted where an exception is ignored, as in compiled code."""
-
-    def __del__(self):
-        signal.raise_signal(signal.SIGINT)
-
-
-def wait_for_a_press():
-    with deferred_interrupts():
-        Finaliser()
-        time.sleep(10.0)
-
-
-def test_a_press_that_was_ignored_comes_once_more():
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            wait_for_a_press()
-    finally:
-        signal.signal(signal.SIGINT, before)

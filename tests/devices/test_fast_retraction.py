@@ -145,17 +145,32 @@ standstill = "0 s"
 """
 
 
+def holding(simulated, tmp_path, motion):
+    """A rig that holds a force."""
+    text = PIPELINE.read_text()
+    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
+    file = tmp_path / "holding.toml"
+    file.write_text(f"{text[:begin]}[trajectory.press]\n{motion}\n{text[end:]}")
+    sets = [override for override in SHORT if "trajectory" not in override]
+    return simulated(*sets, "twin.bench.height=7 mm", 'safety.low=["-5 mm","-5 mm","-12 mm"]', pipeline=file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [3.0, 1.0])
+def test_a_sensor_that_saturates_once_a_force_was_held_is_bounded_by_the_envelope(simulated, tmp_path, level):
+    """A skin that recedes gives the same readings: nothing but the depth of the envelope stops it (0475)."""
+    twin = holding(simulated, tmp_path, BREATHING)
+    error, _, _ = twin.run_into(f"saturated-force {level} 0.05", lambda state: state["peak_force"] > 4.4)
+    assert "at the end of its envelope, 12 mm below the start: deeper it may not go" in error
+    assert 6.5 < twin.truth.force < 7.0  # what the material has at 6 mm
+    assert twin.wait_at_rest()["height"] > 5e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("response", "most"), [(None, 2.0), ("0.2 s", 1.3)], ids=["default", "fastest"])
 def test_a_held_force_stays_within_2_newton_while_the_skin_breathes(simulated, tmp_path, response, most):
     """By 5 mm, 15 times a minute, in a material of 1.4 N/mm: the true force on the skin, from the first breath on."""
-    text = PIPELINE.read_text()
-    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
-    motion = BREATHING if response is None else f'{BREATHING}response = "{response}"\n'
-    file = tmp_path / "breathing.toml"
-    file.write_text(f"{text[:begin]}[trajectory.press]\n{motion}\n{text[end:]}")
-    sets = [override for override in SHORT if "trajectory" not in override]
-    twin = simulated(*sets, "twin.bench.height=7 mm", 'safety.low=["-5 mm","-5 mm","-12 mm"]', pipeline=file)
+    twin = holding(simulated, tmp_path, BREATHING if response is None else f'{BREATHING}response = "{response}"\n')
     twin.say("breathe 0 0")
     error, _, _ = twin.run_into("breathe 5 0.25", lambda state: state["peak_force"] > 4.4)
     assert error == "it came to its end"

@@ -246,6 +246,24 @@ def test_poses_that_are_commands_are_refused_however_late_and_rounded(mine, soft
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("late", [0.15, 0.3])
+def test_states_that_are_late_from_the_start_are_named_as_a_cause(mine, software, monkeypatch, late):
+    driver = importlib.import_module(f"{NAME}.driver").Driver
+    read, past = driver.read, []
+
+    def read_late(self):
+        if (reading := read(self)) is not None:
+            past.append((clock().now(), reading))
+        due = [reading for time, reading in past if time <= clock().now() - late]
+        return (due or [past[0][1]])[-1] if past else None
+
+    monkeypatch.setattr(driver, "read", read_late)
+    done = first_motion(mine[0].Arm(host="127.0.0.1", work=WORK), software)
+    assert "do its states come late?" in done.said, done.said
+    assert done.farthest < RETREAT + 0.05e-3
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [0.005, 0.02, 0.1])
 @pytest.mark.parametrize("digit", [0, 1e-6, 1e-5])
 def test_a_lag_alone_or_no_scatter_is_no_reason(mine, software, monkeypatch, lag, digit):

@@ -2,10 +2,12 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, clock
+from palpate_arms.arm_watch import ArmWatch
 from palpate_simulation.twins.delay_line import DelayLine
 
 from tests.devices.simulated_bench import PIPELINE, SHORT
@@ -98,6 +100,44 @@ def test_states_that_come_late_stop_the_arm(stiff):
     assert re.match("(the controller's states|readings of arm.tip.z) come late: the newest is", error)
     assert rig.truth.force < 12.0
     assert rig.wait_at_rest()["height"] > 2e-3  # it has left the material
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.1, 0.2])
+def test_states_that_are_late_before_the_connection_are_named(rig, seconds):
+    """The watchdog ended the program meanwhile, which was all that was said before."""
+    clock().sleep(0.1)
+    rig.fault(f"late-states {seconds}")
+    clock().sleep(0.6)
+    pattern = (
+        r"the controller's states come late: the one that answers a command came \d+ ms after it, and its watchdog"
+    )
+    with pytest.raises(DeviceError, match=pattern):
+        rig.run()
+    assert rig.world.truth.facts()["fastest_tip"] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [2e-3, -0.5e-3])
+def test_time_stamps_of_an_arm_that_go_back_are_named(rig, height):
+    error, _, _ = rig.run_into("stamp-leap -0.2", lambda state: state["height"] < height)
+    assert error.startswith("the controller's time-stamps go back by 198 ms while its states go on: they arrive out of")
+    assert rig.truth.force < 3.0
+    assert rig.wait_at_rest()["height"] > 2e-3  # it has left the material
+
+
+@pytest.mark.parametrize(("steps", "cause"), [((-0.2,), "go back by 198 ms"), ((0.0,), "come late"), ((), None)])
+def test_a_late_state_and_an_older_one_are_distinguished(steps, cause):
+    """States every 2 ms; from the 100th on their stamps are older by a step, or they come 0.2 s later."""
+    arm = SimpleNamespace(stamp=0.0, seen=0, is_number=True, observed=True)
+    watch = ArmWatch(arm, 0.1)
+    for number in range(110):
+        after = bool(steps) and number >= 100
+        arm.stamp = 0.002 * number + (steps[0] if after else 0.0)
+        arm.seen = 2_000_000 * number + (200_000_000 if after and not steps[0] else 0)
+        watch.check_state()
+    text = watch.lateness(0.02)
+    assert (text is None) if cause is None else (cause in text)
 
 
 def test_the_servo_process_sees_the_lateness_by_itself():

@@ -1,12 +1,13 @@
-"""Ctrl-C while modules are imported: it waits for the end of the import.
+"""Ctrl-C while modules are imported, or a library would swallow it: it waits for the end of that.
 
 An exception within an import leaves half a module, is made another one of by what makes classes, or is printed and
-ignored where a lock of the import is given back. Compiled code ignores one as well, outside of imports, where it cannot
-raise it: such a press waits once more.
+ignored where a lock of the import is given back. Pydantic's compiled core drops it, or makes an error of its own of it,
+and of a destructor or a callback the interpreter itself prints and ignores it: then the press would be lost.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -16,8 +17,9 @@ from contextlib import contextmanager
 from types import FrameType
 
 _LOOK = 0.01  # [s] between two looks whether the import has ended
-_LONGEST = 5.0  # [s] of an import: longer ones end with the exception
+_LONGEST = 5.0  # [s] of an import: a longer one gets the exception, and again where it swallows that
 _IMPORT = "<frozen importlib._bootstrap>"  # file of the frames of an import
+_PYDANTIC = f"{os.sep}pydantic{os.sep}"  # in the files of its frames
 
 
 @contextmanager
@@ -30,21 +32,22 @@ def deferred_interrupts() -> Iterator[None]:
     if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    press, print_unraisable = _KeyPress(), sys.unraisablehook
+    press, hook = _KeyPress(), sys.unraisablehook
 
-    def repeat_ignored(unraisable: sys.UnraisableHookArgs) -> None:
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+    def keep_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
+        is_press = issubclass(unraisable.exc_type, KeyboardInterrupt)
+        if is_press and threading.current_thread() is threading.main_thread():
             press.wait()
         else:
-            print_unraisable(unraisable)
+            hook(unraisable)
 
     signal.signal(signal.SIGINT, press.take)
-    sys.unraisablehook = repeat_ignored
+    sys.unraisablehook = keep_interrupt
     try:
         yield
     finally:
         press.forget()
-        sys.unraisablehook = print_unraisable
+        sys.unraisablehook = hook
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -53,10 +56,11 @@ class _KeyPress:
 
     def __init__(self) -> None:
         self._until: float | None = None  # monotonic [s]; None: nothing waits
+        self._was_raised = False  # within an import that takes too long
 
     def take(self, number: int, frame: FrameType | None) -> None:
         """Ctrl-C was pressed."""
-        if not _is_importing(frame):
+        if not _swallows_exceptions(frame):
             raise KeyboardInterrupt
         self.wait()
 
@@ -68,9 +72,17 @@ class _KeyPress:
             signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
 
     def _look(self, number: int, frame: FrameType | None) -> None:
-        if self._until is None or (_is_importing(frame) and time.monotonic() < self._until):
+        if self._until is None:
             return
+        if _swallows_exceptions(frame):
+            if time.monotonic() < self._until or (self._was_raised and _is_unwinding()):
+                return
+            self._until, self._was_raised = time.monotonic() + _LONGEST, True
+            raise KeyboardInterrupt
+        was_raised = self._was_raised
         self.forget()
+        if was_raised and _is_unwinding():
+            return
         handler = signal.getsignal(signal.SIGINT)
         if callable(handler) and handler not in (self.take, signal.default_int_handler):
             handler(signal.SIGINT, frame)  # of a run, which has begun meanwhile
@@ -80,15 +92,24 @@ class _KeyPress:
     def forget(self) -> None:
         """Wait for nothing any more."""
         if self._until is not None:
-            self._until = None
+            self._until, self._was_raised = None, False
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Return True where a frame, or one that has called it, is part of an import."""
+def _swallows_exceptions(frame: FrameType | None) -> bool:
+    """Return True where a frame, or one that has called it, is part of an import or of pydantic."""
     while frame is not None:
-        if frame.f_code.co_filename == _IMPORT:
+        file = frame.f_code.co_filename
+        if file == _IMPORT or _PYDANTIC in file:
             return True
         frame = frame.f_back
     return False
+
+
+def _is_unwinding() -> bool:
+    """Return True where a press that was raised is being handled, as by what ends in order."""
+    error = sys.exc_info()[1]
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None

@@ -140,8 +140,14 @@ class URDriver(ArmDriver):
         return [float(x) for x in pose]
 
     def enable(self) -> None:
-        """The watchdog: it must be fed."""
-        self._control.setWatchdog(self.settings["watchdog"])
+        """The watchdog: it must be fed. Raises ArmFaultError where the state that answers comes later than it waits."""
+        began, frequency = clock().now(), self.settings["watchdog"]
+        self._control.setWatchdog(frequency)
+        if (answer := clock().now() - began) * frequency > 1.0:
+            raise ArmFaultError(
+                f"the controller's states come late: the one that answers a command came {1e3 * answer:.0f} ms after "
+                f"it, and its watchdog waits for {1e3 / frequency:.0f} ms{clock().late_computer()}"
+            )
 
     def read(self) -> ArmReading | None:
         """The state, whole: a packet that comes in between mixes two."""
