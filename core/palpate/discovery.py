@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from inspect import isabstract, isfunction
 from pathlib import Path
 from types import ModuleType
@@ -18,20 +17,20 @@ import pluggy
 from palpate import core_flags, hooks
 from palpate.claims import settle_claims
 from palpate.errors import RAISED_BY_PARTS, PluginError, suggest
+from palpate.installed_plugins import SHIPPED_BY, installed_plugins
 from palpate.interface import interface_problem, stated_api
-from palpate.plugin_origin import Plugin
+from palpate.plugin_origin import Plugin, normalized_name
 from palpate.plugin_switch import PluginSwitch
 from palpate.safe_path import without_current_folder
 from palpate.trust import PluginFile
 
-_DISTRIBUTION = "palpate"
 _PREFIX = "palpate_"
 _SOURCE = "__palpate_source__"  # what a plugin file's module is of
 
 _Checked = TypeVar("_Checked")
 
 
-_CORE = Plugin(_DISTRIBUTION, own=True)
+_CORE = Plugin(SHIPPED_BY, own=True)
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,7 @@ class Discovery:
 
     manager: pluggy.PluginManager
     failures: dict[str, str]  # by plugin: a sentence that names it; of its hooks as they are asked
+    shipped: frozenset[str]  # names of palpate's own plugins
     left_out: tuple[str, ...] = ()  # sentences on distributions that PALPATE_PLUGINS does not name
     clashes: list[str] = field(default_factory=list)  # sentences on names that several plugins claim, as they are asked
     ambiguous: dict[tuple[str, str], str] = field(default_factory=dict)  # by kind and name: those that nobody owns
@@ -47,10 +47,9 @@ class Discovery:
     @cached_property
     def plugins(self) -> dict[Any, Plugin]:
         """Every plugin but the core itself, by its module."""
-        own = _own_prefix()
         return {
             module: Plugin(
-                name, getattr(module, "__file__", None) or "", name.startswith(own), _digest(module), stated_api(module)
+                name, getattr(module, "__file__", None) or "", name in self.shipped, _digest(module), stated_api(module)
             )
             for name, module in self.manager.list_name_plugin()
             if module is not core_flags
@@ -126,14 +125,15 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     manager.add_hookspecs(hooks)
     manager.register(core_flags, "palpate")
     failures: dict[str, str] = {}
-    installed = _installed(tuple(sys.path))
+    installed = installed_plugins(tuple(sys.path))
     switch = PluginSwitch.of_environment()
-    third_parties = {name: Plugin(name).distribution for name, _ in installed if not name.startswith(_own_prefix())}
-    for name, entry in installed:
+    third_parties = {plugin.name: normalized_name(plugin.distribution) for plugin in installed if not plugin.own}
+    for plugin in installed:
+        name = plugin.name
         if name in third_parties and not switch.admits(third_parties[name]):
             continue
         try:
-            module = entry.load()
+            module = plugin.load()
             if problem := interface_problem(module):
                 failures[name] = f"plugin {name} is left out: {problem}"
                 continue
@@ -149,13 +149,15 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
             _register(manager, module, str(file.path))
         except Exception as error:
             raise PluginError(f"plugin file {file.path} could not be loaded: {_cause(error)}") from error
-    return Discovery(manager, failures, switch.left_out(third_parties))
+    shipped = frozenset(plugin.name for plugin in installed if plugin.own)
+    return Discovery(manager, failures, shipped, switch.left_out(third_parties))
 
 
 def _import_place(error: BaseException) -> str:
     """Return `` (own.py, line 7)``, the last line of a plugin that an import was at; a syntax error says it itself."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).exists()]
-    of_others = [frame for frame in frames if "importlib" not in frame.filename and frame.filename != __file__]
+    core = Path(__file__).parent
+    of_others = [frame for frame in frames if "importlib" not in frame.filename and Path(frame.filename).parent != core]
     if isinstance(error, SyntaxError) or not of_others:
         return ""
     return f" ({Path(of_others[-1].filename).name}, line {of_others[-1].lineno})"
@@ -187,28 +189,6 @@ def _register(manager: pluggy.PluginManager, module: ModuleType, name: str) -> N
         if not was_registered:
             manager.unregister(name=name)
         raise
-
-
-@cache
-def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryPoint], ...]:
-    """Return every installed plugin with its name; looked up once in a process, for a thousand pipelines.
-
-    palpate's own come first and the others by name, in one order on every machine. pluggy's own loader drops a second
-    distribution's entry of a taken name without a word, so it is not asked.
-    """
-    named = [
-        (f"{entry.dist.name} {entry.dist.version} ({entry.name})" if entry.dist else entry.name, entry)
-        for entry in importlib.metadata.entry_points(group=hooks.PROJECT)
-    ]
-    shipped = [(name, entry) for name, entry in named if name.startswith(_own_prefix())]
-    others = [(name, entry) for name, entry in named if not name.startswith(_own_prefix())]
-    return (*shipped, *sorted(others, key=lambda plugin: plugin[0]))
-
-
-@cache
-def _own_prefix() -> str:
-    """Return ``palpate 0.2.0 (``: the beginning of the names of palpate's own plugins."""
-    return f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
 
 
 def import_plugin_file(file: PluginFile) -> ModuleType:

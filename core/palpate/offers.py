@@ -22,14 +22,20 @@ PANELS = {  # tasks, in the order of ``palpate --help``
 
 
 @dataclass(frozen=True)
-class Command:
+class Offer:
+    """A function of a plugin, for one command or one moment of a run."""
+
+    target: str | Callable[..., Any]  # "module:function", imported when it is called; or the function
+
+
+@dataclass(frozen=True)
+class Command(Offer):
     """A command of ``palpate``: a function with typer annotations, imported when it is called.
 
     A name of two words, such as ``map lumps``, is a subcommand: `palpate map --help` shows it. The first word needs no
     command of its own, and may belong to another plugin.
     """
 
-    target: str  # "module:function"
     help: str  # one line for `palpate --help`
     panel: str = "analyse"  # key of PANELS
     first_options: tuple[str, ...] = ()  # what --help shows; --help all shows every option. Empty: all are shown
@@ -38,23 +44,19 @@ class Command:
 
 
 @dataclass(frozen=True)
-class ReportSection:
+class ReportSection(Offer):
     """A section of a shown result: ``function(result)`` answers tables and texts, none where it has none."""
 
-    target: str  # "module:function"
     order: int = 50  # sections are shown by increasing order
     detail: bool = False  # True: a terminal shows it only with --details; a report always does
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(Offer):
     """A file about a run that has ended: ``function(folder)`` writes it and answers its path."""
 
-    target: str  # "module:function"
-
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Offer):
     """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `TrackEvidence`.
 
     It states `after` which diagnoses it runs: their findings are part of its evidence, and no others. `EVERY_OTHER`
@@ -63,77 +65,52 @@ class Diagnosis:
 
     EVERY_OTHER: ClassVar = "every other"
 
-    target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
     after: tuple[str, ...] = ()
     quick: bool = False  # it is asked once a second while a run goes on, too
     lost: bool = False  # it is asked of tracks whose numbers are lost (NaN), too
     detail: bool = False  # True: its table is for details; a row of a table of fits is judged without it
 
 
-@dataclass(frozen=True)
-class Summary:
+class Summary(Offer):
     """A summary of each track while a run goes on: ``function()`` answers a `TrackSummary`."""
 
-    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
 
-
-@dataclass(frozen=True)
-class Recorder:
+class Recorder(Offer):
     """A recorder of every run's estimates: ``function(folder, parameters by track, pipeline, offline)``.
 
     It answers a context with an `EstimatesWriter`. `pipeline` has its own table, and ``[run]
     estimates_interval``; `offline` tracks, which end with the record, are opened apart.
     """
 
-    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
 
-
-@dataclass(frozen=True)
-class Check:
+class Check(Offer):
     """A check of parts before anything moves: ``function(parts by kind, registry)`` raises PluginError for a wrong one.
 
     `parts` holds for each kind of part those of a pipeline by their names.
     """
 
-    target: str | Callable[..., Any]  # "module:function", imported when a pipeline is built; or the function
 
-
-@dataclass(frozen=True)
-class Fact:
+class Fact(Offer):
     """A line of ``palpate info`` on an installation: ``function()`` answers it, such as the kernel that runs."""
 
-    target: str  # "module:function"
 
-
-@dataclass(frozen=True)
-class FileSuggestion:
+class FileSuggestion(Offer):
     """A suggestion of ``palpate info FILE --suggest`` for other files than logs: ``function(path)`` returns commands.
 
     It answers a sequence of commands, comments and blanks to fill in, and None for a file of another kind.
     """
 
-    target: str  # "module:function"
 
-
-@dataclass(frozen=True)
-class CalibrationReader:
+class CalibrationReader(Offer):
     """A reader of ``[run] calibration``: ``function(path, valid for [s])`` answers the calibration of a file."""
 
-    target: str  # "module:function"
 
-
-@dataclass(frozen=True)
-class ControlReader:
+class ControlReader(Offer):
     """A reader of ``[run] control``: ``function(path, valid for [s])`` answers the check of a chart behind a run."""
 
-    target: str  # "module:function"
 
-
-@dataclass(frozen=True)
-class Display:
+class Display(Offer):
     """A display of a run on the terminal: ``function(pipeline)`` answers a context with a writer with `progress`."""
-
-    target: str  # "module:function"
 
 
 @dataclass(frozen=True)
@@ -152,22 +129,6 @@ class Template:
             return files(self.package).joinpath(self.path).read_text(encoding="utf-8")
         except (OSError, ImportError) as error:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
-
-
-Offer = (
-    Command
-    | Report
-    | ReportSection
-    | Diagnosis
-    | Summary
-    | Recorder
-    | Check
-    | CalibrationReader
-    | ControlReader
-    | Display
-    | Fact
-    | FileSuggestion
-)
 
 
 def function_of(offer: Offer) -> Callable[..., Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shlex
@@ -45,6 +44,8 @@ class PluginFile:
     @cached_property
     def digest(self) -> str:
         """The SHA-256 of the content."""
+        import hashlib  # as slow to import as ten other modules, and most commands have no plugin file
+
         return hashlib.sha256(self.content).hexdigest()
 
 

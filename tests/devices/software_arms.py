@@ -18,14 +18,14 @@ SHORT = ("trajectory.press.duration=1 s", "safety.standstill=0.2 s", "alignment.
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory):
-    """The package that is written, and its driver and arm in software; the folder of the distribution."""
+    """The module of the arm that is written, next to its driver and arm in software; the folder of the distribution."""
     folder = tmp_path_factory.mktemp("arm") / "palpate-mine"
     for path, text in distribution("arm", "palpate-mine").items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text)
-    (folder / "mine.py").write_text(f"from {NAME} import Arm, palpate_devices\n")
+    (folder / "mine.py").write_text(f"from {NAME} import palpate_devices\n")
     sys.path.insert(0, str(folder))
-    yield importlib.import_module(NAME), folder
+    yield importlib.import_module(f"{NAME}.arm"), folder
     sys.path.remove(str(folder))
     for name in [name for name in sys.modules if name.partition(".")[0] == NAME]:
         del sys.modules[name]

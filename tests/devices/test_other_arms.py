@@ -109,7 +109,7 @@ def test_a_driver_with_a_fault_fails_the_checks(mine, software, monkeypatch, fau
 SHORT = "trajectory.press.duration=2 s"
 VARIANTS = """
 from palpate import plugin
-from palpate_mine import MODEL, Arm
+from palpate_mine.arm import MODEL, Arm
 from tests.kit.test_arm_model import panda
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from palpate_testing.arm_checks import ArmTest as ArmTest
     from palpate_testing.device_checks import check_device as check_device
+    from palpate_testing.discovery_checks import check_discovery as check_discovery
     from palpate_testing.estimator_checks import (
         check_estimator as check_estimator,
         synthetic_samples as synthetic_samples,
@@ -50,6 +51,7 @@ __getattr__, __all__ = lazy_names(
     __name__,
     "palpate_testing.arm_checks:ArmTest",
     "palpate_testing.device_checks:check_device",
+    "palpate_testing.discovery_checks:check_discovery",
     "palpate_testing.estimator_checks:check_estimator",
     "palpate_testing.tip_checks:check_indenter",
     "palpate_testing.model_checks:check_model",

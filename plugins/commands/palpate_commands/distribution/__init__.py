@@ -7,7 +7,17 @@ from string import Template
 
 from palpate import API
 
-KINDS = ("tip", "model", "filter", "device", "arm", "trajectory", "analysis")
+# By kind: module of the part or command, its class, hook, class that it derives from, and name.
+_OFFERS = {
+    "tip": ("funnel", "Funnel", "palpate_indenters", "Indenter", "funnel"),
+    "model": ("foam", "Foam", "palpate_models", "ContactModel", "foam"),
+    "filter": ("known_surface", "KnownSurface", "palpate_estimators", "Estimator", "known-surface"),
+    "device": ("pendulum", "Pendulum", "palpate_devices", "Device", "pendulum"),
+    "arm": ("arm", "Arm", "palpate_devices", "Device", "NAME"),
+    "trajectory": ("dip", "Dip", "palpate_trajectories", "Trajectory", "dip"),
+    "analysis": ("histogram", "", "palpate_commands", "", ""),
+}
+KINDS = tuple(_OFFERS)
 # What a kind has besides its module and its test, by its path in the distribution.
 _MORE = {
     "arm": {
@@ -20,24 +30,37 @@ _HINTS = {
     "device": " A reader of logs is a device as well: as a `palpate_records.recording.Recording` it gives "
     "`palpate info LOG`, `palpate fit LOG`, `palpate fit FOLDER` and `palpate log export` at once."
 }
-_INTERFACE = "\n\nPALPATE_API = {}  # number of the interface for which it is written\n"
-_SHARED = {"pyproject.toml": "pyproject.txt", "README.md": "readme.txt"}
 
 
 def distribution(kind: str, name: str) -> dict[str, str]:
-    """Files of a distribution by their path in its folder."""
-    package = name.replace("-", "_")
-    words = {"name": name, "package": package, "kind": kind, "hint": _HINTS.get(kind, "")}
-    shared = _SHARED | ({"README.md": "arm_readme.txt"} if kind == "arm" else {})
-    found = {path: Template(_text(source)).substitute(words) for path, source in shared.items()}
-    own = {"{package}/__init__.py": f"{kind}.txt", "tests/test_{package}.py": f"{kind}_test.txt", **_MORE.get(kind, {})}
-    found[f"{package}/py.typed"] = ""
-    short = name.removeprefix("palpate-")
+    """Return the files of a distribution by their path in its folder."""
+    package, short = name.replace("-", "_"), name.removeprefix("palpate-")
+    module, class_, hook, root, part = _OFFERS[kind]
+    words = {
+        "name": name,
+        "package": package,
+        "kind": kind,
+        "hint": _HINTS.get(kind, ""),
+        "title": f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}",
+        "module": module,
+        "class_": class_,
+        "hook": hook,
+        "root": root,
+        "part": part.replace("NAME", short),
+        "api": API,
+    }
+    shared = {
+        "pyproject.toml": "pyproject.txt",
+        "README.md": "arm_readme.txt" if kind == "arm" else "readme.txt",
+        f"{package}/__init__.py": "analysis_hook.txt" if kind == "analysis" else "part_hook.txt",
+    }
+    texts = {path: Template(_text(source)).substitute(words) for path, source in shared.items()}
+    texts[f"{package}/py.typed"] = ""
+    own = {f"{package}/{module}.py": f"{kind}.txt", f"tests/test_{package}.py": f"{kind}_test.txt"}
+    own |= {path.format(package=package): source for path, source in _MORE.get(kind, {}).items()}
     for path, source in own.items():
-        text = _text(source).replace("PACKAGE", package).replace("NAME", short).replace("CLASS", short)
-        stated = _INTERFACE.format(API) if path.endswith("__init__.py") else ""
-        found[path.format(package=package)] = text + stated
-    return found
+        texts[path] = _text(source).replace("PACKAGE", package).replace("NAME", short).replace("CLASS", short)
+    return texts
 
 
 def _text(name: str) -> str:
