@@ -111,7 +111,8 @@ def to_si(value: object, unit: str) -> float:
     ValueError: '5 kPa' is a pressure, not a length; write for example "5 mm"
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f'expected a {dimension(unit)}: a number in {unit} or a text such as "{example(unit)}"')
+        kind = _with_article(dimension(unit))
+        raise ValueError(f'expected {kind}: a number in {unit} or a text such as "{example(unit)}"')
     try:
         number = float(value) if isinstance(value, int | float) else _parse(value, unit)
     except OverflowError:  # a whole number of 400 digits
@@ -130,10 +131,10 @@ def _parse(text: str, unit: str) -> float:
     """Return the number of a text in an SI unit; raises ValueError with the form that is expected."""
     wanted = f'write for example "{example(unit)}"'
     if len(text) > _MAX_LENGTH:
-        raise ValueError(f"{_brief(text)} is too long for a {dimension(unit)}; {wanted}")
+        raise ValueError(f"{_brief(text)} is too long for {_with_article(dimension(unit))}; {wanted}")
     match = _QUANTITY.fullmatch(text)
     if not match:
-        raise ValueError(f"{text!r} is not a {dimension(unit)}; {wanted}")
+        raise ValueError(f"{text!r} is not {_with_article(dimension(unit))}; {wanted}")
     number, written = float(match[1]), (match[2] or "").strip()
     if not written and unit == "1":
         return number
@@ -147,7 +148,8 @@ def _parse(text: str, unit: str) -> float:
         raise ValueError(f"{text!r}: unknown unit {written!r}{_meant(written, unit)}; {wanted}") from error
     si = _si(unit)
     if stated.dimensions != si.dimensions:
-        raise ValueError(f"{text!r} is {_dimension_of(stated, written)}, not a {dimension(unit)}; {wanted}")
+        expected = _with_article(dimension(unit))
+        raise ValueError(f"{text!r} is {_dimension_of(stated, written)}, not {expected}; {wanted}")
     return number * (stated.factor / si.factor)
 
 
@@ -155,8 +157,12 @@ def _dimension_of(stated: Unit, written: str) -> str:
     """Return the dimension of a unit with its article, as "a force"; for an unnamed one "in" and the unit."""
     for unit, (name, *_) in _QUANTITIES.items():
         if _si(unit).dimensions == stated.dimensions:
-            return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+            return _with_article(name)
     return f"in {written}"
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
 def _meant(written: str, unit: str) -> str:

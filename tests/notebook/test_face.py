@@ -508,6 +508,16 @@ def test_what_a_fit_is_asked_for_in_other_words(fitted, name, meant):
         getattr(fitted, name)
 
 
+def test_a_tip_is_a_part_words_or_a_table_of_a_pipeline(record, fitted):
+    for tip in ({"type": "sphere", "radius": "5 mm"}, {"type": "sphere", "radius": 0.005}):
+        assert palpate.fit(record, tip=tip, model="dr").elasticity.value == fitted.elasticity.value
+    cone = {"type": "blunt-cone", "angle": "30 deg", "tip_radius": "1 mm"}
+    words = palpate.fit(record, tip="blunt-cone 30 deg, tip_radius 1 mm", model="dr")
+    assert palpate.fit(record, tip=cone, model="dr").elasticity.value == words.elasticity.value
+    cone["tip_radius"] = "2 mm"  # its owner changes it
+    assert palpate.fit(record, tip=cone, model="dr").elasticity.value != words.elasticity.value
+
+
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
@@ -516,6 +526,9 @@ def test_what_a_fit_is_asked_for_in_other_words(fitted, name, meant):
         ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is neither of kind model"),
         ({"tip": "sphere"}, "sphere needs its radius"),
         ({"tip": Sphere(radius=5)}, 'did you mean "5 mm"'),
+        ({"tip": {"type": "flat", "radios": "5 mm"}}, "radios"),
+        ({"tip": {"radius": "5 mm"}}, "type"),
+        ({"tip": {"type": "flat", "radius": object()}}, "cannot be written in a pipeline file"),
         ({"tip": Sphere(radius="5 mm"), "uncertainties": {"radios": "1 um"}}, "radios"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,12 +11,14 @@ from palpate.errors import ConfigurationError, suggest
 from palpate.registry import Registry
 from palpate.units import to_si
 
+_COMMA = re.compile(r",(?=\s|$)")  # between two keys; one within a number stays
+
 
 def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
-    """The table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone angle 30 deg tip_radius 1 mm".
+    """Return the table of a tip such as "sphere 3 mm", "sphere diameter 6 mm" or "blunt-cone 30 deg, tip_radius 1 mm".
 
-    A sphere in words is the tip that states this word of itself, a ball. A single value is that of the one key that the
-    tip needs, the radius of a sphere; messages call the whole `said`. Raises ConfigurationError.
+    A sphere in words is the tip that states this word of itself, a ball. A value without a key is that of the first key
+    that the tip needs, the radius of a sphere; messages call the whole `said`. Raises ConfigurationError.
     """
     table = tip_values(text, known, said)
     name, values = table["type"], {key: value for key, value in table.items() if key != "type"}
@@ -27,8 +30,8 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
 
 
 def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
-    """The table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
-    name, *words = text.split() or [""]
+    """Return the table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
+    name, *words = _COMMA.sub(" ", text).split() or [""]
     tips = known.parts["indenter"]
     kind = kind_in_words(name, known)
     if kind not in tips:
@@ -39,23 +42,28 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     needed = [key for key, about in fields.items() if about.is_required()]
     table: dict[str, list[str]] = {}
     if words and words[0] not in keys:
-        if words[0][:1].isalpha() or len(needed) != 1:
+        if words[0][:1].isalpha() or not needed:
             wrong = f"has no {words[0]!r}{suggest(words[0], keys)}" if words[0][:1].isalpha() else "needs a key each"
             raise ConfigurationError(f"{said} {text!r}: {name} {wrong} (keys: {', '.join(keys)})")
         words = [needed[0], *words]
     for word in words:
+        if word in table:
+            raise ConfigurationError(f"{said} {text!r}: {word} is stated twice")
         if word in keys:
             table[word] = []
         else:
             table[list(table)[-1]].append(word)
     values: dict[str, Any] = {key: " ".join(value) for key, value in table.items()}
+    if {"radius", "diameter"} <= values.keys():
+        raise ConfigurationError(f"{said} {text!r}: both radius and diameter are stated")
     if "diameter" in values:
         try:
             values["radius"] = 0.5 * to_si(values.pop("diameter"), "m")
         except ValueError as error:
             raise ConfigurationError(f"{said} {text!r}: diameter: {error}") from error
     if missing := [key for key in needed if not values.get(key)]:
-        raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{name} 3 mm"')
+        example = ", ".join([f"{name} VALUE", *(f"{key} VALUE" for key in needed[1:])])
+        raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{example}"')
     return {"type": kind, **values}
 
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate import ContactModel, Estimator, Indenter, Part
+from palpate import ContactModel, Estimator, Part
 from palpate_engine import input_files
 
 from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.fit_object import Fit
-from palpate_notebook.fitter_object import Fitter, RecordEstimator, Rig, facts_in
+from palpate_notebook.fitter_object import Fitter, RecordEstimator, Rig, Tip, facts_in
 from palpate_notebook.record_from_frame import record_of
 from palpate_notebook.record_object import Record
 from palpate_notebook.run_object import FinishedRun
@@ -28,7 +28,7 @@ def fit(
     record: Record | str | Path | pandas.DataFrame,
     *,
     signals: Mapping[str, str | float] | None = None,
-    tip: Indenter | str | None = None,
+    tip: Tip = None,
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
@@ -41,8 +41,9 @@ def fit(
     `palpate.read`; units of a table may be in ``frame.attrs["units"]``.
     `model` and `estimator` are parts, as in ``DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)``,
     or names of parts with their defaults, in full or by their initials: "dr" is "dimensionality-reduction", on the
-    `tip`, which is a part or words such as "sphere 3 mm". `uncertainties` are the standard uncertainties of what is
-    assumed exact: ``{"radius": "20 um"}``. `rig` are the facts of the rig and its specimens, a file such as
+    `tip`, which is a part, words such as "sphere 3 mm", or a table as in a pipeline:
+    ``{"type": "blunt-cone", "angle": "30 deg", "tip_radius": "1 mm"}``. `uncertainties` are the standard uncertainties
+    of what is assumed exact: ``{"radius": "20 um"}``. `rig` are the facts of the rig and its specimens, a file such as
     "rig.toml" or its keys: ``{"thickness": "22 mm", "delay": "0 ms +- 1 ms"}``; what the record states otherwise is
     refused.
 
@@ -55,7 +56,7 @@ def fit(
 @explains_arguments
 def prepare(
     *,
-    tip: Indenter | str | None = None,
+    tip: Tip = None,
     model: str | ContactModel = "dr",
     estimator: str | Estimator = "casadi-fit",
     uncertainties: Mapping[str, str | float] | None = None,
@@ -74,7 +75,7 @@ def compare(
     *,
     models: Sequence[str | ContactModel] = ("dr",),
     estimators: Sequence[str | Estimator] = ("ekf", "kinematic-ekf"),
-    tip: Indenter | str | None = None,
+    tip: Tip = None,
     uncertainties: Mapping[str, str | float] | None = None,
     rig: Rig = None,
     name: str | None = None,
@@ -86,7 +87,7 @@ def compare(
 def _estimator(
     models: Sequence[str | ContactModel],
     estimators: Sequence[str | Estimator],
-    tip: Indenter | str | None,
+    tip: Tip,
     uncertainties: Mapping[str, str | float] | None,
     rig: Rig,
 ) -> RecordEstimator:
@@ -94,6 +95,7 @@ def _estimator(
     parts = [part for part in (*models, *estimators, tip) if isinstance(part, Part)]
     states = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
     facts = facts_in(rig)
+    tip = dict(tip) if isinstance(tip, Mapping) else tip  # its owner may change it before the next call
     made_of: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), states, facts)
     known: tuple[tuple[Any, ...], RecordEstimator] | None = getattr(_latest, "known", None)
     if known is not None and known[0] == made_of:

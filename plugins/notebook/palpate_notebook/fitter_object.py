@@ -14,6 +14,7 @@ from palpate import ConfigurationError, ContactModel, Device, Estimator, Indente
 from palpate_engine import (
     Pipeline,
     RecordTracks,
+    Registry,
     RigFacts,
     build_pipeline,
     facts_of,
@@ -34,6 +35,7 @@ from palpate_notebook.run_functions import quietly
 from palpate_notebook.run_object import FinishedRun
 
 Rig = str | Path | Mapping[str, Any] | None
+Tip = Indenter | str | Mapping[str, Any] | None  # a part, words, or a table of a pipeline
 _NAMES = ("file", "sha256")  # keys of a device that name a record; all others say how it is read
 
 
@@ -59,7 +61,7 @@ class RecordEstimator:
         self,
         models: Sequence[str | ContactModel],
         estimators: Sequence[str | Estimator],
-        tip: Indenter | str | None,
+        tip: Tip,
         uncertainties: Mapping[str, str | float] | None,
         rig: Rig = None,
     ) -> None:
@@ -132,8 +134,11 @@ class RecordEstimator:
         if tip is None:
             models = part_tables(self._models, "model", known, False)
             return {"model": models, "estimator": self._estimator_tables}
-        table = tip_table(tip, known) if isinstance(tip, str) else table_of(tip, "tip", "indenter", known)
-        return {"indenter": {"tip": table}, "model": self._model_tables, "estimator": self._estimator_tables}
+        return {
+            "indenter": {"tip": _tip_table(tip, known)},
+            "model": self._model_tables,
+            "estimator": self._estimator_tables,
+        }
 
     @property
     def _is_mapping(self) -> bool:
@@ -177,6 +182,13 @@ class RecordEstimator:
         pipeline = self.pipeline(record, name)
         self._latest = _KindOfRecord(kind, _streams(pipeline.devices), RecordTracks(pipeline))
         return self._latest.tracks
+
+
+def _tip_table(tip: Tip, known: Registry) -> dict[str, Any]:
+    """Return the table of a tip that is stated in any of its forms; raises ConfigurationError."""
+    if isinstance(tip, str):
+        return tip_table(tip, known)
+    return dict(tip) if isinstance(tip, Mapping) else table_of(tip, "tip", "indenter", known)
 
 
 @dataclass(frozen=True)
