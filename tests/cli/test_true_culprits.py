@@ -186,3 +186,53 @@ def test_an_authors_mistake_is_a_sentence(run, text, part, complaint):
     assert done.returncode == 2
     assert complaint in done.stderr
     assert "Traceback" not in done.stderr
+
+
+ANSWERS = """
+from contextlib import nullcontext
+import numpy as np
+from palpate import Batch, Channel, Device, Stream, plugin
+class Link:
+    def batches(self):
+        {batches}
+class Own(Device):
+    '''A device of my own.'''
+    @property
+    def streams(self):
+        {streams}
+    def connect(self, seed):
+        {connect}
+@plugin
+def palpate_devices():
+    return {{"own": Own}}
+"""
+SOUND = {
+    "streams": "return (Stream('', (Channel('fz', 'N'),), None),)",
+    "connect": "return nullcontext(Link())",
+    "batches": "yield Batch('', np.array([10**9]), np.array([10**9]), np.ones((1, 1)))",
+}
+
+
+@pytest.mark.parametrize(
+    ("method", "body", "complaint"),
+    [
+        ("streams", "return None", "[device.own]: Own.streams returns None, not a tuple of Stream"),
+        ("streams", "return Stream('', (Channel('fz', 'N'),), None)", "not a tuple of Stream"),
+        ("streams", "return (Stream('f', ('fz',), None),)", "the channels of 'f' are ('fz',), not Channel"),
+        ("connect", "return None", "device own: Own.connect returns None, not a context"),
+        ("connect", "return nullcontext(None)", "device own: Own.connect gives None, which is not a link"),
+        ("batches", "return None", "device own: Link.batches returns None, not an iterator of Batch"),
+        ("batches", "yield 3.0", "device own sends 3.0, not a Batch"),
+    ],
+)
+def test_what_a_device_answers_is_a_sentence(run, method, body, complaint):
+    done = run(ANSWERS.format(**SOUND | {method: body}), 'device.own.type="own"')
+    assert done.returncode == (2 if method == "streams" else 1)
+    assert complaint in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_sound_device_next_to_the_rig_is_recorded(run, tmp_path):
+    done = run(ANSWERS.format(**SOUND), 'device.own.type="own"')
+    assert done.returncode == 0, done.stderr
+    assert result_of(tmp_path / "out")["streams"]["own"]["samples"] == 1

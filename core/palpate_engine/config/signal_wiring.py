@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from palpate.device import Device, KnowsGravity
-from palpate.errors import PalpateError, suggest
+from palpate.device import Channel, Device, KnowsGravity, Stream
+from palpate.errors import ConfigurationError, PalpateError, suggest
 from palpate.key_mistakes import Mistake
 
 from palpate_engine.alignment import SIGNAL_UNITS, AlignmentSettings, Port, Ports, channels, signals
@@ -26,7 +26,8 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
     units: dict[str, str] = {}
     for name, device in devices.items():
         try:
-            units |= {channel: stream.channels[i].unit for channel, _, stream, i in channels({name: device.streams})}
+            streams = _announced_streams(device)
+            units |= {channel: stream.channels[i].unit for channel, _, stream, i in channels({name: streams})}
         except PalpateError as error:
             mistakes.append(Mistake(("device", name), str(error)))
     if mistakes:
@@ -44,6 +45,18 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
         problems = problems_of(alignment, ports_of(bare, devices))
         mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]
     return mistakes
+
+
+def _announced_streams(device: Device) -> tuple[Stream, ...]:
+    """Return the streams of a device; raises ConfigurationError where its class returns anything else."""
+    streams = device.streams
+    where = f"{type(device).__name__}.streams"
+    if not isinstance(streams, tuple | list) or not all(isinstance(stream, Stream) for stream in streams):
+        raise ConfigurationError(f"{where} returns {streams!r}, not a tuple of Stream")
+    for stream in streams:
+        if not all(isinstance(channel, Channel) for channel in stream.channels):
+            raise ConfigurationError(f"{where}: the channels of {stream.name!r} are {stream.channels!r}, not Channel")
+    return tuple(streams)
 
 
 def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> AlignmentSettings:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,13 +38,29 @@ def each(take: Callable[[str, Batch], None]) -> Take:
     return taken
 
 
+@contextmanager
+def connected(name: str, device: Device, seed: int) -> Iterator[Link]:
+    """Connect a device for as long as the context; raises DeviceError where its class returns anything but a link."""
+    context = device.connect(seed)
+    where = f"device {name}: {type(device).__name__}.connect"
+    if not isinstance(context, AbstractContextManager):
+        raise DeviceError(f"{where} returns {context!r}, not a context such as of contextlib.contextmanager")
+    with context as link:
+        if not callable(getattr(link, "batches", None)):
+            raise DeviceError(f"{where} gives {link!r}, which is not a link: it has no method `batches`")
+        yield link
+
+
 def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterator[Batch]:
     """The batches of a device, read-only.
 
     Raises DeviceError, with the place, for what it has not declared or itself raises.
     """
     widths = {stream.name: len(stream.channels) for stream in streams}
-    batches = iter(link.batches())
+    answer = link.batches()
+    if not isinstance(answer, Iterable):
+        raise DeviceError(f"device {name}: {type(link).__name__}.batches returns {answer!r}, not an iterator of Batch")
+    batches = iter(answer)
     while True:
         try:
             batch = next(batches, None)
@@ -53,6 +70,8 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
             raise DeviceError(f"device {name} failed: {error_in(error)}") from error
         if batch is None:
             return
+        if not isinstance(batch, Batch):
+            raise DeviceError(f"device {name} sends {batch!r}, not a Batch")
         if batch.stream not in widths:
             raise DeviceError(f"device {name} sends a stream {batch.stream!r}{suggest(batch.stream, widths)}")
         for stamps in (batch.time, batch.received):
