@@ -7,6 +7,7 @@ import socket
 from html.parser import HTMLParser
 
 import pytest
+from palpate_report.run_contents import RunContents
 
 HOSTILE = "<script>alert(1)</script>\"'&amp;</pre>{{7*7}}$\\frac$\u2028"
 
@@ -313,3 +314,16 @@ def test_pdf_says_what_it_needs_or_is_made(palpate, copied, monkeypatch):
     done = palpate("report", copied, "--pdf")
     assert done.returncode == 0, done.stderr
     assert (copied / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.slow
+def test_a_section_of_a_report_sees_what_result_json_has(point):
+    result = RunContents.read(point).result()
+    document = json.loads((point / "result.json").read_text())
+    assert result.table() == document
+    assert any(track["conditions"] for track in document["tracks"].values())
+    for name, track in result.tracks.items():
+        values = {**track.parameters, **{value.name: value.found for value in track.derived}}
+        table = document["tracks"][name]
+        assert [condition.table(values) for condition in track.conditions] == table["conditions"]
+        assert [flag.table() for flag in track.immaterial] == table.get("immaterial", [])

@@ -33,6 +33,16 @@ class Condition:
     shifts: Mapping[str, float] = field(default_factory=dict)  # [SI] of each value by the alternative, with signs
     code: str = ""  # of the flag by which older versions said it
 
+    @classmethod
+    def of_table(cls, table: Mapping[str, Any]) -> Condition:
+        """Return the condition of a result that was read; a shift without a bound is null there."""
+        alternative = table.get("alternative", "")
+        text = str(table["message"])
+        if alternative:  # what follows it is worked out from the values
+            text = text.partition(f": {alternative} makes ")[0]
+        shifts = {name: math.inf if shift is None else shift for name, shift in table.get("shifts", {}).items()}
+        return cls(table["fact"], text, table.get("remedy", ""), alternative, shifts, table.get("code", ""))
+
     def matters(self, values: Mapping[str, UncertainValue]) -> bool:
         """Return True if the alternative moves any value by its uncertainty; a condition without one always does."""
         if not self.alternative:

@@ -42,6 +42,9 @@ class Result:
     truth: Mapping[str, float]
     interrupted: str | None
     signal: int = signal.SIGINT  # that interrupted it
+    document: Mapping[str, Any] | None = (
+        None  # the ``result.json`` that it was read from; None of a run in this process
+    )
 
     def demand_whole(self) -> None:
         """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
@@ -56,7 +59,9 @@ class Result:
             raise PalpateError(f"{'; '.join(failed)} (what the others found is in {self.folder})")
 
     def table(self) -> dict[str, Any]:
-        """The contents of ``result.json``."""
+        """Return the contents of ``result.json``."""
+        if self.document is not None:
+            return dict(self.document)
         tracks = {name: track.table() for name, track in self.tracks.items()}
         for track in tracks.values():
             track["flags"] = [*(flag.table() for flag in self.flags), *track["flags"]]

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from palpate import BudgetRow, Effect, FitReport, LogError, Unknown
+from palpate import BudgetRow, Condition, Effect, FitReport, LogError, Unknown
 from palpate_engine import (
     DerivedValue,
     Result,
@@ -149,7 +149,8 @@ class RunContents:
         """The result as sections of a report take it; raises LogError if it is missing."""
         document = self.folder.result
         tracks = {name: _track(table) for name, table in document["tracks"].items()}
-        return Result(self.path, document["run"], document["streams"], tracks, (), document["truth"], None)
+        run, streams, truth = document["run"], document["streams"], document["truth"]
+        return Result(self.path, run, streams, tracks, (), truth, None, document=document)
 
 
 def _text(path: Path) -> str | None:
@@ -208,6 +209,8 @@ def _track(table: Mapping[str, Any]) -> TrackResult:
             DerivedValue(name, _value(value), value["caveat"]) for name, value in table["derived"].items()
         ),
         "flags": read_flags(table["flags"]),
+        "immaterial": read_flags(table.get("immaterial", ())),
+        "conditions": tuple(map(Condition.of_table, table["conditions"])),
         "budget": _rows(table["budget"]),
         "report": _report(table["fit"]) if "fit" in table else None,
         "comparison": TrackComparison.of_table(table["comparison"]) if "comparison" in table else None,
