@@ -120,6 +120,7 @@ from .core_names import (
     toml_tables as toml_tables,
     trust_plugin as trust_plugin,
     trusted_plugins as trusted_plugins,
+    unpromised_uses as unpromised_uses,
     verdict as verdict,
     verdict_rank as verdict_rank,
     verdict_word as verdict_word,

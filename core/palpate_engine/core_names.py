@@ -13,7 +13,7 @@ from palpate.evidence.condition import FORMER_FLAGS
 from palpate.flags import SEVERITIES, is_open, needs_fact, verdict, verdict_rank, verdict_word
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
-from palpate.interface import deprecated_uses
+from palpate.interface import deprecated_uses, unpromised_uses
 from palpate.offers import function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.plugin_switch import PluginSwitch, only_plugins

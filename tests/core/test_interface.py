@@ -10,11 +10,13 @@ import pytest
 from palpate import interface
 
 ROOT = Path(__file__).parents[2]
-ROW = re.compile(r"^\| `(palpate_[\w.]+)` \| (`.*`) \|$", re.MULTILINE)
-PROMISED = [
-    (module, name)
-    for module, names in ROW.findall((ROOT / "docs" / "versions.md").read_text())
-    for name in re.findall(r"`(\w+)`", names)
+PAGE = (ROOT / "docs" / "versions.md").read_text()
+NAMES = re.compile(r"`(\w+)`")
+PROMISED = [(module, name) for module, names in interface.PROMISED.items() for name in names]
+OF_HOOKS = [
+    name
+    for names in re.findall(r"^- of [a-z ]+: (`.*(?:\n  `.*)*)$", PAGE, re.MULTILINE)
+    for name in NAMES.findall(names)
 ]
 TIP = """
 from palpate import Indenter, plugin
@@ -45,8 +47,18 @@ def site(tmp_path):
     return make
 
 
-def test_there_are_promised_names():
-    assert len(PROMISED) == 38
+def test_the_page_lists_what_is_promised():
+    listed = re.findall(r"^- `(palpate_[\w.]+)`: (`.*`)$", PAGE, re.MULTILINE)
+    assert {module: tuple(NAMES.findall(names)) for module, names in listed} == interface.PROMISED
+    assert f"and {len(interface.NOT_PROMISED)} that palpate's own" in PAGE
+
+
+def test_each_name_of_palpate_has_one_place():
+    """Names of few hooks and those that are not promised are public, and no name is in both lists or twice in one."""
+    assert len(OF_HOOKS) > 60
+    assert len(set(OF_HOOKS)) == len(OF_HOOKS)
+    assert set(OF_HOOKS) | interface.NOT_PROMISED <= set(palpate.__all__)
+    assert not set(OF_HOOKS) & interface.NOT_PROMISED
 
 
 @pytest.mark.parametrize(("module", "name"), PROMISED)
@@ -55,25 +67,39 @@ def test_a_promised_name_is_there(module, name):
 
 
 @pytest.mark.parametrize(
-    "folder", ["distributions", "tests/third_party", "plugins/commands/palpate_commands/distribution"]
+    ("folder", "ending"),
+    [
+        ("distributions", "py"),
+        ("tests/third_party", "py"),
+        ("plugins/commands/palpate_commands/distribution", "txt"),
+        ("docs", "md"),
+        ("plugins", "README.md"),
+    ],
 )
-def test_distributions_and_templates_use_promised_names(folder):
-    importing = re.compile(r"^ *from (palpate_(?:kit|records|arms)[\w.]*) import ([\w, ]+)$", re.MULTILINE)
-    files = [*(ROOT / folder).rglob("*.py"), *(ROOT / folder).rglob("*.txt")]
-    used = {
-        (module, name.strip().partition(" as ")[0])
-        for file in files
-        for module, names in importing.findall(file.read_text())
-        for name in names.split(",")
-    }
-    assert used - set(PROMISED) - {("palpate_arms.arm_driver", "KINEMATICS_TOLERANCE")} == set()
+def test_distributions_templates_and_pages_use_promised_names(folder, ending, tmp_path):
+    """What an author reads and copies uses no other name of core, kit, records and arms."""
+    texts = [
+        path.read_text()
+        for path in (ROOT / folder).rglob(f"*{ending}")
+        if "tests" not in path.parts[len(ROOT.parts) + 2 :]
+    ]
+    if ending.endswith("md"):
+        texts = [
+            block
+            for text in texts
+            for block in re.findall(r"^```python\n# file: (?!test_).*\n((?:.|\n)*?)^```", text, re.MULTILINE)
+        ]
+    assert texts
+    for text in texts:
+        (tmp_path / "own.py").write_text(text)
+        assert [use.name for use in interface.unpromised_uses(str(tmp_path / "own.py"))] == [], text
 
 
 def test_a_plugin_of_the_present_number_takes_part(palpate, site):
     shown = json.loads(palpate("list", "--plugins", "--json", PYTHONPATH=site()).stdout)
     assert shown["interface"] == interface.API == 1
     (row,) = [row for row in shown["plugins"] if row["name"].startswith("soft-lab")]
-    assert row == {"name": "soft-lab 1.0 (soft_lab)", "interface": 1, "deprecated": []}
+    assert row == {"name": "soft-lab 1.0 (soft_lab)", "interface": 1, "deprecated": [], "not_promised": []}
 
 
 @pytest.mark.parametrize("api", [99, 0, "'one'"])
@@ -102,6 +128,23 @@ def test_deprecated_names_are_found_with_the_version_in_which_they_go(palpate, s
     )
     assert "soft-lab 1.0 (soft_lab): interface 1" in shown.stdout
     assert "palpate.host (soft_lab.py, line 5) goes in 0.3.0: import from palpate_engine" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("from palpate import use_clock, Length", "palpate.use_clock"),
+        ("from palpate.registry import load", "palpate.registry.load"),
+        ("from palpate_engine.config import load_pipeline", "palpate_engine.config.load_pipeline"),
+        ("from palpate_kit.terminal.table import Table, Column", "palpate_kit.terminal.table.Column"),
+        ("import palpate_kit.terminal.table", "palpate_kit.terminal.table"),
+    ],
+)
+def test_names_that_nobody_promises_are_found(palpate, site, line, name):
+    folder = site(more=f"def later():\n    {line}")
+    shown = palpate("list", "--plugins", PYTHONPATH=folder)
+    expected = f"    {name} (soft_lab.py, line 5) is not promised: it may change with any version"
+    assert [row for row in shown.stdout.splitlines() if "is not promised" in row] == [expected]
 
 
 def test_the_number_is_public():

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import API, ConfigurationError, Part, suggest
-from palpate_engine import Registry, deprecated_uses, registry as registries
+from palpate_engine import Registry, deprecated_uses, registry as registries, unpromised_uses
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.options import JsonOption
 
@@ -18,7 +18,10 @@ def list_parts(
         str | None, typer.Argument(metavar="[WORD]", help="Only parts with this word in kind, name, text or plugin.")
     ] = None,
     plugins: Annotated[
-        bool, typer.Option("--plugins", help="List plugins: the interface that each states, and its names that go.")
+        bool,
+        typer.Option(
+            "--plugins", help="List plugins: the interface that each states, and its names that go or are not promised."
+        ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -63,12 +66,13 @@ def list_parts(
 
 
 def list_plugins(registry: Registry, as_json: bool) -> None:
-    """Print the interface that each plugin states, and the deprecated names that it uses."""
+    """Print the interface that each plugin states, and the names that go, or are not promised, which it uses."""
     rows: list[dict[str, Any]] = [
         {
             "name": plugin.name,
             "interface": plugin.api,
             "deprecated": [asdict(use) for use in deprecated_uses(plugin.place)] if not plugin.own else [],
+            "not_promised": [asdict(use) for use in unpromised_uses(plugin.place)] if not plugin.own else [],
         }
         for plugin in registry.plugins
         if plugin.place
@@ -83,6 +87,8 @@ def list_plugins(registry: Registry, as_json: bool) -> None:
         for use in row["deprecated"]:
             where = f"{use['name']} ({use['place']}) goes in {use['gone_in']}"
             typer.echo(f"    {where}: import from {use['replacement']}")
+        for use in row["not_promised"]:
+            typer.echo(f"    {use['name']} ({use['place']}) is not promised: it may change with any version")
     for notice in registry.notices:
         typer.echo(notice, err=True)
 
