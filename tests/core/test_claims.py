@@ -10,6 +10,7 @@ from palpate import ConfigurationError, PluginError, hooks, registry
 from palpate.first_versions import FIRST_VERSIONS
 from palpate_engine import load_pipeline, resolved_text
 from palpate_engine.config import file_version
+from palpate_kit.jobs.job import Job, Parcel, PortablePipeline
 
 TIP = """
 from palpate import Indenter, plugin
@@ -295,6 +296,24 @@ def test_what_was_left_out_stands_in_the_notes_of_a_run(on_the_path, run_point, 
     result = run_point("trajectory.press.duration=1 s")
     sentence = "plugin soft-lab 1.0 (soft_lab) is left out: PALPATE_PLUGINS is 'off'"
     assert sentence in [flag.message for flag in result.flags if flag.code == "device"]
+
+
+@pytest.mark.parametrize("switch", ["", "off", "hard-lab"])
+def test_a_worker_has_the_distributions_of_where_its_job_was_made(
+    on_the_path, point_pipeline, tmp_path, monkeypatch, switch
+):
+    """In an environment of its own that says otherwise."""
+    on_the_path("soft-lab", flat("punch"))
+    plan = PortablePipeline(point_pipeline.read_text(), point_pipeline, ("indenter.tip.type=punch",), named=True)
+    monkeypatch.setenv("PALPATE_PLUGINS", switch)
+    parcel = Parcel.of(Job("one", plan, tmp_path / "one"))
+    monkeypatch.setenv("PALPATE_PLUGINS", "soft-lab" if switch else "off")
+    with parcel.unpacked() as job:
+        if switch:
+            with pytest.raises(ConfigurationError, match=r"no indenter 'punch'.*PALPATE_PLUGINS is"):
+                job.pipeline()
+        else:
+            assert type(job.pipeline().indenters["tip"]).__name__ == "Flat"
 
 
 def test_a_name_holds_no_colon(on_the_path):
