@@ -1,6 +1,8 @@
 """``palpate check part``: the page of a part, and parts that have none."""
 
 import pytest
+from palpate_commands.distribution import distribution
+from palpate_testing.part_measures import SPECIMEN
 
 WRONG_TIP = """
 from palpate import Indenter, Length, plugin
@@ -35,6 +37,8 @@ def test_the_page_of_a_tip(palpate, tmp_path):
     [
         (("dr",), "| elasticity (elastic) |"),
         (("point", "--set", "bias=4 mm"), "| largest speed |"),
+        (("plane", "--set", "tilt_x=10 deg"), "| height and slope at (0, 0) mm | 0 mm, 10 deg |"),
+        (("sim", "--set", f"specimen={SPECIMEN}"), "| stream wrench | "),
     ],
 )
 def test_the_page_of_a_model_and_of_a_motion(palpate, words, line):
@@ -53,7 +57,7 @@ def test_the_page_of_an_estimator_has_its_errors(palpate):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("ur3e",), "talks to hardware|must be given|host"),
+        (("bota", "--set", "port=/dev/ttyUSB0"), "BotaSensor talks to hardware, and no twin stands in for it"),
         (("spere",), "did you mean 'sphere'"),
         (("sphere",), "radius"),
         (("sphere", "--set", "radius=5 N"), "'5 N' is a force, not a length"),
@@ -73,3 +77,21 @@ def test_a_wrong_part_has_no_page(palpate, tmp_path):
     assert done.returncode == 2
     assert done.stdout == ""
     assert "a sphere rises to" in done.stderr
+
+
+@pytest.mark.slow
+def test_an_arm_is_checked_against_its_twin(palpate, tmp_path):
+    for path, text in distribution("arm", "palpate-mine").items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    info = tmp_path / "palpate_mine-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Name: palpate-mine\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text("[palpate]\nmine = palpate_mine\n")
+    settings = ('host="127.0.0.1"', 'tcp=["0 mm", "0 mm", "120 mm"]', 'work.origin=["450 mm", "0 mm", "100 mm"]')
+    words = [word for text in settings for word in ("--set", text)]
+    done = palpate("check", "part", "mine", *words, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "# palpate-mine:mine: device of palpate-mine 0.1 (mine)" in done.stdout
+    assert "| stream tip | 500 Hz: x [m], y [m], z [m]" in done.stdout
+    assert "| slow libraries that every command imports with it | none |" in done.stdout

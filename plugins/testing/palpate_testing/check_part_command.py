@@ -5,21 +5,23 @@ from __future__ import annotations
 import inspect
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError, Part, PluginError, suggest
-from palpate_engine import Registry, Source, build_parts, plain_settings, registry as registries
+from palpate_engine import Entry, Registry, Source, build_parts, plain_settings, registry as registries
 
+from palpate_testing.discovery_checks import slow_imports
 from palpate_testing.part_measures import (
     CHECKED_KINDS,
     Measures,
     measure_device,
     measure_estimator,
     measure_model,
+    measure_surface,
     measure_tip,
     measure_trajectory,
 )
@@ -30,6 +32,7 @@ MEASURES: Mapping[str, Callable[[Any], Measures]] = {
     "model": measure_model,
     "estimator": measure_estimator,
     "trajectory": measure_trajectory,
+    "surface": measure_surface,
     "device": measure_device,
 }
 
@@ -43,7 +46,8 @@ def check_part(
 ) -> None:
     """Check a part in simulation and print what was tried and measured, as a page in Markdown.
 
-    Nothing is connected to; a device that talks to hardware is refused. A part that fails has no page.
+    Nothing real is connected to: an arm is checked in simulated time against the twin that stands in for it, and a
+    device that has none is refused. A part that fails has no page.
     """
     registry = registries.load()
     kind, part = _part_of(name, settings or [], registry)
@@ -103,6 +107,14 @@ def page_of(kind: str, part: Part, registry: Registry) -> str:
         "",
         "| measured | value |",
         "|---|---|",
-        *(f"| {what} | {value} |" for what, value in measures.rows),
+        *(f"| {what} | {value} |" for what, value in (*measures.rows, *_discovery_row(entry, part))),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _discovery_row(entry: Entry, part: Part) -> Iterator[tuple[str, str]]:
+    """Yield the slow libraries that the module of a third party's installed plugin imports, before every command."""
+    if not entry.plugin.own and not entry.plugin.is_file:
+        places = slow_imports(type(part).__module__.partition(".")[0])
+        libraries = ", ".join(f"{library} ({place})" for library, place in places.items())
+        yield "slow libraries that every command imports with it", libraries or "none"

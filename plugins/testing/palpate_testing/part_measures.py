@@ -3,25 +3,45 @@
 from __future__ import annotations
 
 import inspect
+import json
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, Trajectory, contact_force
-from palpate_engine import registry as registries
+from palpate import (
+    ConfigurationError,
+    ContactModel,
+    Device,
+    Estimator,
+    Indenter,
+    Surface,
+    Trajectory,
+    Twin,
+    contact_force,
+    surface_points,
+)
+from palpate_engine import Source, build_parts, registry as registries
 
-from palpate_testing.device_checks import batches_of, check_device, moves
+from palpate_testing.device_checks import check_device, moves
 from palpate_testing.estimator_checks import check_estimator
 from palpate_testing.model_checks import check_model, usual_values
+from palpate_testing.surface_checks import check_surface
 from palpate_testing.tip_checks import check_indenter
 from palpate_testing.trajectory_checks import check_trajectory
 from palpate_testing.truth_checks import NOISY, NOISY_RECORDS, QUIET, QUIET_RECORDS
 from palpate_testing.truth_records import estimate_records
 
-CHECKED_KINDS = ("indenter", "model", "estimator", "trajectory", "device")
+CHECKED_KINDS = ("indenter", "model", "estimator", "trajectory", "surface", "device")
 DEPTHS = (1e-3, 3e-3, 6e-3)  # [m]
 STEP = 1e-3  # [s] of the grid of a motion
+PLACES = np.array([(0.0, 0.0), (2e-3, 0.0), (0.0, 2e-3)])  # [m] x and y, at which a surface is looked at
+LISTEN = 3.0  # [s] to a live device
+# What the twin of an arm presses on: the paper's silicone under a sphere of 5 mm.
+SPECIMEN = """{model = {type = "dimensionality-reduction", indenter = {type = "sphere", radius = "5 mm"}}, \
+elasticity = "100 kPa", viscosity = "300 Pa*s"}"""
 
 
 @dataclass(frozen=True)
@@ -113,27 +133,65 @@ def measure_trajectory(trajectory: Trajectory) -> Measures:
     return _measures(check_trajectory, rows())
 
 
-def measure_device(device: Device) -> Measures:
-    """Check a device that connects to nothing, and moves nothing; its streams.
-
-    Raises ConfigurationError for one that talks to hardware.
-    """
-    if device.live:
-        name = type(device).__name__
-        raise ConfigurationError(f"{name} talks to hardware: check it in a test, with its twin (check_device)")
-    if moves(device, 0):
-        raise ConfigurationError(f"{type(device).__name__} moves the tip: check it in a test, with a short motion")
-    check_device(device)
+def measure_surface(surface: Surface) -> Measures:
+    """Check a surface around the origin of x and y; its height and slope there."""
+    check_surface(surface, PLACES)
 
     def rows() -> Iterator[tuple[str, str]]:
-        batches = batches_of(device, None, 0, 0.0)
+        points = surface_points(surface, PLACES)
+        for place, height, normal in zip(PLACES, points.position[:, 2], points.normal, strict=True):
+            slope = math.degrees(math.acos(min(float(normal[2]), 1.0)))
+            x, y = (1e3 * place).tolist()
+            yield f"height and slope at ({x:g}, {y:g}) mm", f"{1e3 * float(height):.4g} mm, {slope:.3g} deg"
+
+    return _measures(check_surface, rows())
+
+
+def measure_device(device: Device) -> Measures:
+    """Check a device in simulation: an arm against the twin that stands in for it; its streams.
+
+    Raises ConfigurationError for one that talks to hardware and has no twin.
+    """
+    if device.live:
+        twin = _twin_of(device)
+        if twin is None:
+            name = type(device).__name__
+            raise ConfigurationError(f"{name} talks to hardware, and no twin stands in for it: check it in a test")
+        with twin.simulated(seed=0):
+            check_device(device, short_motion(), listen=LISTEN)
+    else:
+        check_device(device, short_motion() if moves(device, 0) else None)
+
+    def rows() -> Iterator[tuple[str, str]]:
         for stream in device.streams:
-            count = sum(len(batch.time) for batch in batches if batch.stream == stream.name)
             rate = "by its time-stamps" if stream.rate is None else f"{stream.rate:g} Hz"
             channels = ", ".join(f"{channel.name} [{channel.unit}]" for channel in stream.channels)
-            yield f"stream {stream.name or 'without a name'}", f"{count} readings at {rate}: {channels}"
+            yield f"stream {stream.name or 'without a name'}", f"{rate}: {channels}"
 
     return _measures(check_device, rows())
+
+
+def _twin_of(device: Device) -> Twin | None:
+    """Return the twin that stands in for a device alone; None where none does."""
+    registry = registries.load()
+    for kind, entry in registry.parts["twin"].items():
+        twin: Any = entry.part if entry.problem is None else None
+        settings = twin.stand_in({"part": device}, None) if twin is not None else None
+        if settings is None:
+            continue
+        source = Source(f"[twin.part]\ntype = {json.dumps(kind)}\nspecimen = {SPECIMEN}\n", Path("palpate check part"))
+        for key, value in settings.items():
+            source.override(f"twin.part.{key}={value}")
+        part: Any = build_parts(source, "twin", registry)["part"]
+        assert isinstance(part, Twin)
+        return part
+    return None
+
+
+def short_motion() -> Any:
+    """Return half a second of the paper's motion, 3 mm deep; raises PluginError where no plugin offers it."""
+    motion: Any = registries.load().find("trajectory", "point")
+    return motion(bias=3e-3, amplitude=1e-3, duration=0.5)
 
 
 def standard_model() -> Any:
