@@ -211,7 +211,7 @@ def ahead(estimates, samples, tracker):
 
 def silent(estimates, samples, tracker):
     values = estimates.values.copy()
-    values[(samples.time > 2.0) & (samples.time < 2.02)] = np.nan
+    values[(samples.time > 1.5) & (samples.time < 1.52)] = np.nan
     return replace(estimates, values=values)
 
 
