@@ -45,6 +45,7 @@ def test_every_path_is_a_file_of_data_or_known_as_something_else():
         path: data
         for kind, entries in load().parts.items()
         for name, entry in entries.items()
+        if entry.plugin.own
         for path, data in paths_of(entry.part, f"{kind}.{name}")
     }
     logs = {f"device.{name}-replay.file" for name in ("mcap", "csv", "rosbag2", "afm")}
