@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, ClassVar
@@ -134,6 +135,13 @@ class Template:
 def function_of(offer: Offer) -> Callable[..., Any]:
     """Return the function that an offer names; raises PluginError where it cannot be imported."""
     return import_target(offer.target) if isinstance(offer.target, str) else offer.target
+
+
+def context_of(answer: Any, source: str) -> AbstractContextManager[Any]:
+    """Return what a plugin answers if it is a context; raises PluginError, which names the `source`, if it is not."""
+    if not isinstance(answer, AbstractContextManager):
+        raise PluginError(f"{source} returns {answer!r}, not a context such as of contextlib.contextmanager")
+    return answer
 
 
 def import_target(target: str) -> Callable[..., Any]:

@@ -96,6 +96,7 @@ from .core_names import (
     approved_plugins as approved_plugins,
     ask_devices as ask_devices,
     bounded_text as bounded_text,
+    context_of as context_of,
     deprecated_uses as deprecated_uses,
     dimension as dimension,
     display_unit as display_unit,

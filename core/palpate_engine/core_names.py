@@ -14,7 +14,7 @@ from palpate.flags import SEVERITIES, is_open, needs_fact, verdict, verdict_rank
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure, bounded_text, json_document, toml_tables
 from palpate.interface import deprecated_uses, unpromised_uses
-from palpate.offers import function_of
+from palpate.offers import context_of, function_of
 from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.plugin_switch import PluginSwitch, only_plugins
 from palpate.registry import Registry, analysis

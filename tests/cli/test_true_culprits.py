@@ -200,6 +200,12 @@ class Own(Device):
     @property
     def streams(self):
         {streams}
+    @property
+    def provenance(self):
+        {provenance}
+    @property
+    def warnings(self):
+        {warnings}
     def connect(self, seed):
         {connect}
 @plugin
@@ -208,6 +214,8 @@ def palpate_devices():
 """
 SOUND = {
     "streams": "return (Stream('', (Channel('fz', 'N'),), None),)",
+    "provenance": "return {}",
+    "warnings": "return ()",
     "connect": "return nullcontext(Link())",
     "batches": "yield Batch('', np.array([10**9]), np.array([10**9]), np.ones((1, 1)))",
 }
@@ -223,11 +231,12 @@ SOUND = {
         ("connect", "return nullcontext(None)", "device own: Own.connect gives None, which is not a link"),
         ("batches", "return None", "device own: Link.batches returns None, not an iterator of Batch"),
         ("batches", "yield 3.0", "device own sends 3.0, not a Batch"),
+        ("provenance", "return None", "device own: Own.provenance is None, not a mapping"),
     ],
 )
 def test_what_a_device_answers_is_a_sentence(run, method, body, complaint):
     done = run(ANSWERS.format(**SOUND | {method: body}), 'device.own.type="own"')
-    assert done.returncode == (2 if method == "streams" else 1)
+    assert done.returncode == 2
     assert complaint in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -236,3 +245,65 @@ def test_a_sound_device_next_to_the_rig_is_recorded(run, tmp_path):
     done = run(ANSWERS.format(**SOUND), 'device.own.type="own"')
     assert done.returncode == 0, done.stderr
     assert result_of(tmp_path / "out")["streams"]["own"]["samples"] == 1
+
+
+def test_warnings_that_are_none_are_a_note(run, tmp_path):
+    done = run(ANSWERS.format(**SOUND | {"warnings": "return None"}), 'device.own.type="own"')
+    assert done.returncode == 0, done.stderr
+    tracks = result_of(tmp_path / "out")["tracks"].values()
+    messages = [flag["message"] for track in tracks for flag in track["flags"]]
+    assert "Own.warnings is None, not a tuple of sentences" in messages
+
+
+OFFERS = {
+    "sink": """
+from palpate import Sink, plugin
+class Own(Sink):
+    '''A sink of my own.'''
+    def open(self, run):
+        return None
+@plugin
+def palpate_sinks():
+    return {"own": Own}
+""",
+    "recorder": """
+from palpate import Recorder, plugin
+@plugin
+def palpate_offers():
+    return {"recorder": {"own": Recorder(lambda *facts: None)}}
+""",
+    "display": """
+from palpate import Display, plugin
+@plugin
+def palpate_offers():
+    return {"display": {"own": Display(lambda pipeline: None)}}
+""",
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"), [("sink", "sink own: Own.open"), ("recorder", "recorder own"), ("display", "display own")]
+)
+def test_what_is_opened_is_a_context(run, kind, complaint):
+    done = run(OFFERS[kind], *(['sink.own.type="own"'] if kind == "sink" else []))
+    assert done.returncode == 2
+    assert f"{complaint} returns None, not a context" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_finding_and_a_section_of_another_kind(run, tmp_path):
+    text = """
+from palpate import Diagnosis, ReportSection, plugin
+@plugin
+def palpate_diagnoses():
+    return {"own": Diagnosis(lambda evidence: {track.name: 3 for track in evidence})}
+@plugin
+def palpate_report_sections():
+    return {"own": ReportSection(lambda result: [7])}
+"""
+    done = run(text)
+    assert done.returncode == 0, done.stderr
+    (track, *_) = result_of(tmp_path / "out")["tracks"].values()
+    messages = [flag["message"] for flag in track["flags"] if flag["code"] == "diagnosis-failed"]
+    assert "is 3, not Diagnosed" in messages[0]
+    assert "7" in done.stdout.split()

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate.device import Batch, Device, Link, Stream
-from palpate.errors import RAISED_BY_PARTS, DeviceError, PalpateError, error_in, suggest
+from palpate.errors import RAISED_BY_PARTS, DeviceError, PalpateError, PluginError, error_in, suggest
+from palpate.offers import context_of
 from palpate.vectors import read_only
 
 Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
@@ -40,14 +41,11 @@ def each(take: Callable[[str, Batch], None]) -> Take:
 
 @contextmanager
 def connected(name: str, device: Device, seed: int) -> Iterator[Link]:
-    """Connect a device for as long as the context; raises DeviceError where its class returns anything but a link."""
-    context = device.connect(seed)
-    where = f"device {name}: {type(device).__name__}.connect"
-    if not isinstance(context, AbstractContextManager):
-        raise DeviceError(f"{where} returns {context!r}, not a context such as of contextlib.contextmanager")
-    with context as link:
+    """Connect a device for as long as the context; raises PluginError where its class returns anything but a link."""
+    source = f"device {name}: {type(device).__name__}.connect"
+    with context_of(device.connect(seed), source) as link:
         if not callable(getattr(link, "batches", None)):
-            raise DeviceError(f"{where} gives {link!r}, which is not a link: it has no method `batches`")
+            raise PluginError(f"{source} gives {link!r}, which is not a link: it has no method `batches`")
         yield link
 
 
@@ -59,7 +57,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
     widths = {stream.name: len(stream.channels) for stream in streams}
     answer = link.batches()
     if not isinstance(answer, Iterable):
-        raise DeviceError(f"device {name}: {type(link).__name__}.batches returns {answer!r}, not an iterator of Batch")
+        raise PluginError(f"device {name}: {type(link).__name__}.batches returns {answer!r}, not an iterator of Batch")
     batches = iter(answer)
     while True:
         try:
@@ -71,7 +69,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
         if batch is None:
             return
         if not isinstance(batch, Batch):
-            raise DeviceError(f"device {name} sends {batch!r}, not a Batch")
+            raise PluginError(f"device {name} sends {batch!r}, not a Batch")
         if batch.stream not in widths:
             raise DeviceError(f"device {name} sends a stream {batch.stream!r}{suggest(batch.stream, widths)}")
         for stamps in (batch.time, batch.received):

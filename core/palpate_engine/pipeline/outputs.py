@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from palpate.device import Batch
 from palpate.errors import OutputError, error_text
 from palpate.estimation import Estimates, Samples
-from palpate.offers import function_of
+from palpate.offers import context_of, function_of
 from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
 
 from palpate_engine.config import Pipeline
@@ -38,7 +38,10 @@ class Outputs:
         room: ClosingReserve,
         observer: Writer | None = None,
     ) -> None:
-        self.writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
+        self.writers: list[Writer] = [
+            stack.enter_context(context_of(sink.open(run), f"sink {name}: {type(sink).__name__}.open"))
+            for name, sink in pipeline.sinks.items()
+        ]
         self.writers += [observer] if observer is not None else []
         self.failure: Exception | None = None  # the first
         self._run, self._stack, self._pipeline, self._stop = run, stack, pipeline, stop
@@ -47,9 +50,11 @@ class Outputs:
 
     def _opened(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
         wanted = {track: self._run.tracks[track] for track in tracks}
-        recorders = [function_of(recorder) for recorder in self._pipeline.registry.recorders.values()]
-        opened = (recorder(self._run.folder, wanted, self._pipeline, offline) for recorder in recorders)
-        return [self._stack.enter_context(table) for table in opened]
+        tables: list[EstimatesWriter] = []
+        for name, recorder in self._pipeline.registry.recorders.items():
+            table = function_of(recorder)(self._run.folder, wanted, self._pipeline, offline)
+            tables.append(self._stack.enter_context(context_of(table, f"recorder {name}")))
+        return tables
 
     def record(self, arrivals: Iterable[tuple[str, Batch]]) -> None:
         """Raw readings, each with its device."""

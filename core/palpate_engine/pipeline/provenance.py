@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from palpate.device import is_live
+from palpate.errors import PluginError
 from palpate.parts import input_files
 from palpate.sink import Extent
 from palpate.trajectory import Lifted, duration_of, setpoints_at
@@ -28,7 +29,12 @@ _LOOK = 0.01  # [s] between the places that count for the box of a motion
 
 def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
-    inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
+    inputs = dict[str, str]()
+    for name, device in pipeline.devices.items():
+        provenance: Any = device.provenance
+        if not isinstance(provenance, Mapping):
+            raise PluginError(f"device {name}: {type(device).__name__}.provenance is {provenance!r}, not a mapping")
+        inputs |= {f"{name}.{key}": text for key, text in provenance.items()}
     for plugin in pipeline.registry.plugins:
         if plugin.digest:
             inputs[f"plugin.{Path(plugin.name).name}.sha256"] = plugin.digest

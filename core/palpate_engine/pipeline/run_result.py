@@ -6,12 +6,13 @@ import math
 import re
 import signal
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from palpate.device import Device
 from palpate.errors import PalpateError, StoppedError
 from palpate.flags import Flag
 
@@ -141,7 +142,7 @@ def _run_flags(
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
     yield from setup_flags(pipeline)
-    yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
+    yield from (Flag("device", text) for device in pipeline.devices.values() for text in _warnings_of(device))
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)
     if pipeline.control is not None:
@@ -154,6 +155,14 @@ def _run_flags(
     if interrupted is not None and excess is not None and excess not in interrupted:
         interrupted = f"{interrupted}; {excess}"
     yield from record_flags(report, pipeline.alignment, interrupted)
+
+
+def _warnings_of(device: Device) -> Sequence[str]:
+    """Return the warnings of a device, or that it answers something else."""
+    answer: Any = device.warnings
+    if isinstance(answer, tuple | list):
+        return answer
+    return (f"{type(device).__name__}.warnings is {answer!r}, not a tuple of sentences",)
 
 
 def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:

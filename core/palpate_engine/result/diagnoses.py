@@ -110,7 +110,11 @@ def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
-        return dict(function_of(diagnosis)(evidence))
+        findings = dict(function_of(diagnosis)(evidence))
+        for label, finding in findings.items():
+            if not isinstance(finding, Diagnosed):
+                raise TypeError(f"the finding on {label} is {finding!r}, not Diagnosed")
+        return findings
     except RAISED_BY_PARTS as error:
         flag = Flag("diagnosis-failed", f"{name}: {error_in(error)}")
         return {track.name: Diagnosed((flag,)) for track in evidence}

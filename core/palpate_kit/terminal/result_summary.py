@@ -155,7 +155,7 @@ def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[Ren
         except Exception as error:  # whatever a third-party function raises
             parts = [f"the section {name!r} could not be made: {type(error).__name__}: {error}"]
         for shown in parts:
-            yield shown.view() if isinstance(shown, Cells) else Text(shown)
+            yield shown.view() if isinstance(shown, Cells) else Text(str(shown))
 
 
 def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import Pipeline, function_of, load_pipeline, run_pipeline
+from palpate_engine import Pipeline, context_of, function_of, load_pipeline, run_pipeline
 from palpate_kit.terminal.fact_line import run_subject
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
@@ -66,8 +66,9 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     for notice in pipeline.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:
-        displays = [] if as_json else list(pipeline.registry.displays.values())
-        shown = stack.enter_context(function_of(displays[0])(pipeline)) if displays else None
+        shown = None
+        for name, display in [] if as_json else list(pipeline.registry.displays.items())[:1]:
+            shown = stack.enter_context(context_of(function_of(display)(pipeline), f"display {name}"))
         result = run_pipeline(pipeline, out, shown and shown.progress, shown)
     if result.signal == signal.SIGHUP:  # the terminal is gone
         result.demand_whole()
