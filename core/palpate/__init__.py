@@ -3,6 +3,8 @@
 The public names stand in ``__init__.pyi``; importing palpate imports none of them.
 """
 
+from importlib.util import find_spec
+
 import lazy_loader
 
 _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
@@ -15,6 +17,8 @@ def __getattr__(name: str) -> object:
     try:
         return _public(name)
     except AttributeError as error:
+        if find_spec(f"{__name__}.{name}"):  # a module, which `from palpate import MODULE` looks for in the next place
+            raise
         from palpate.errors import suggest
 
         raise AttributeError(f"palpate has no {name!r}{suggest(name, __all__)}") from error
