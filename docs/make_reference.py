@@ -9,6 +9,7 @@ from typing import Any
 import typer
 from formulas import with_math
 from make_flags import page as flags_page
+from make_thresholds import page as thresholds_page
 from palpate import Settings
 from palpate_commands.describe import _default, _type
 from palpate_engine import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
@@ -34,7 +35,7 @@ def write_reference(folder: Path) -> None:
     known = registry.load()
     pages = {f"{kind}s": "\n".join(_of_kind(kind, title, known)) for kind, title in _KINDS.items()}
     makers = {"tables": _tables(known), "options": _commands(), "python": _python(), "result": _result()}
-    pages["flags"] = flags_page(known)
+    pages |= {"flags": flags_page(known), "thresholds": thresholds_page()}
     pages |= {name: "\n".join(lines) for name, lines in makers.items()}
     for name, text in pages.items():
         path = folder / f"{name}.md"

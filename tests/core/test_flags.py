@@ -131,3 +131,13 @@ def test_the_result_holds_severities_and_verdict(palpate, point_pipeline, tmp_pa
     assert track["verdict"] == "invalid"
     assert "no-contact" in [flag["code"] for flag in track["flags"] if flag["severity"] == "invalid"]
     assert "invalid[no-contact]" in done.stdout
+
+
+def test_every_threshold_of_the_page_says_what_it_decides():
+    spec = importlib.util.spec_from_file_location("make_thresholds", ROOT / "docs" / "make_thresholds.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    known = [one for package in module.PACKAGES for one in module.thresholds(package)]
+    assert len(known) > 150
+    assert [one for one in known if len(one.meaning.split()) < 2] == []
+    assert all(f"| {one.name} | `{one.value}` |" in module.page() for one in known)

@@ -16,7 +16,7 @@ from palpate.errors import OutputError
 PIPELINE, GIVEN, RESULT = "pipeline.toml", "given.toml", "result.json"
 # Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
 # to 3 the standstill of a live run was `rest`; to 4 open facts were flags, and `note` a verdict.
-SCHEMA = 5
+SCHEMA = 5  # of the layout of result.json
 _CLAIMS = 16  # folders of this process that are locked at once
 _claims: deque[int] = deque()
 

@@ -11,7 +11,7 @@ from palpate.evidence.sample_store import SampleStore
 from palpate.vectors import Floats
 
 _BLOCK = 4096  # samples that are kept or dropped together
-_MOST = 16  # blocks
+_MOST = 16  # blocks that are kept of a track
 _AIR = 4096  # samples before the first contact, and after the last
 _COLUMNS = ("time", "force", "position", "velocity", "x", "y", "used", "surface", "innovation")
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
 
 _MIN_PERCENT = 5e-3  # per cent; less is shown as such
-_MIN_DRAWS = 4  # draws
+_MIN_DRAWS = 4  # draws of a Monte Carlo budget, for a standard deviation of them
 
 
 def budget(

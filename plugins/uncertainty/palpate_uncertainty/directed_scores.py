@@ -24,7 +24,7 @@ from palpate_uncertainty.relaxation_alternatives import relaxation_columns, rela
 SUSPICIOUS = 1e-2  # p of one score, 80 times what a directed test of eight is significant from
 _MAX_SHORTFALL = 4.0  # times the share that a score promises, which a refit may take
 _DIFFERENCE = 1e-6  # of a number's range, and of a parameter
-_DEPTH_STEP = 1e-7  # [m]
+_DEPTH_STEP = 1e-7  # [m] of the surface, for a slope by differences
 _ROUNDING_SHARE = 1e-12  # of the square of a column of length 1, below which nothing of it is left
 
 

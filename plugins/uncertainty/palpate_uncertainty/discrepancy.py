@@ -24,7 +24,7 @@ from palpate_uncertainty.causes import cause_label, cause_of, cause_words, sign_
 
 # Patterns m that a misfit is spread over. Chosen on point palpations of one silicone by two tips, whose E and eta agree
 # within the uncertainty that follows; 2 and 8 give the same verdicts.
-PATTERNS = 4.0
+PATTERNS = 4.0  # independent patterns of a misfit, by the root of whose number its effect on a value is divided
 VISCOUS_PATTERNS = 2.0  # a viscosity follows slow patterns of the loading alone
 RIVAL_EVIDENCE = 0.7  # of the evidence of a cause of the rig, below which no cause of the material rivals it
 SEVERAL_NUMBERS = 0.7  # of a gain by several numbers, which follow a pattern that is not theirs as well

@@ -19,7 +19,7 @@ from palpate_uncertainty.whiteness import oscillation
 from palpate_uncertainty.zeroed_in_contact import zeroed_in_contact
 
 _MIN_DEVIATIONS = 5.0  # standard deviations
-_MIN_SAMPLES = 100  # samples
+_MIN_SAMPLES = 100  # in free air
 _BLOCK_SAMPLES = 20  # samples that the noise of a mean is found over, so that it may hang together for as long
 _ADHESION_HEIGHT = 1e-3  # [m] above the surface, in which the material may still hold the tip
 _MIN_HEIGHT_SHARE = 0.05  # of the way in contact, the same of the air before it

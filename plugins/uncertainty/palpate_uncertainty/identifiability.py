@@ -16,7 +16,7 @@ from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
 # Choices of the samples that are judged.
-_MIN_SAMPLES = 300
+_MIN_SAMPLES = 300  # in contact, for a judgement
 _MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
 _STRETCH_DURATION = 2.0  # [s] of a sweep
 _MIN_LIFT = 0.1  # [s] between two samples in contact: the tip was in the air

@@ -15,8 +15,8 @@ from palpate_kit.budget.uncertainty_sources import sources_of
 from palpate_uncertainty.refit import depths_in_contact
 
 _HERTZ_POWER = 1.5  # power of the depth that a force goes with under a sphere
-_MAX_TILT = math.radians(45.0)
-_TILT_STEP = math.radians(0.05)
+_MAX_TILT = math.radians(45.0)  # of a skin under the tip
+_TILT_STEP = math.radians(0.05)  # of the angles that are looked through
 _MIN_DEVIATIONS = 5.0  # standard deviations of a share that is not by chance
 _MIN_SHARE = 0.02  # share; the axes of a force sensor hear one another by so much
 _COVERAGE_FACTOR = 2.0  # standard uncertainties of an inclination

@@ -14,12 +14,12 @@ from palpate_uncertainty.relaxation_alternatives import fit_relaxation
 
 _LAYER_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
 _DEPTH_STEP = 1e-6  # [m], for slopes
-_MAX_DELAY = 0.02  # [s]
+_MAX_DELAY = 0.02  # [s] of an alternative
 _MAX_SAMPLES = 3000  # samples that a refit looks at
 _MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move
-_MAX_MASS = 10.0  # [kg]
+_MAX_MASS = 10.0  # [kg] behind the sensor
 _MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base
-_MAX_FORCE = 1e6  # [N]
+_MAX_FORCE = 1e6  # [N] of a residual, in place of one that is not finite
 MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:

@@ -20,15 +20,15 @@ from palpate_uncertainty.undeclared_thickness import half_space_from, stiffer_by
 
 # The alternatives, one for each fact: a change of this table is a change of schema.
 HEIGHT, RADII = 22e-3, 10.0  # [m] of a specimen; contact radii of one under a tip below `SMALL`
-DELAY = 10e-3  # [s]
-POISSON = 0.45
+DELAY = 10e-3  # [s] between force and motion, of an alternative
+POISSON = 0.45  # of an alternative
 MASS = 0.14  # [kg] behind the sensor of a robot, whose tips are not below `SMALL`
 TARE = 0.02  # of the largest force
 ZERO = 2.0  # standard uncertainties of a zero of the force that a fit found without air
-TILT = math.radians(5.0)
-MOUNT = 200e3  # [N/m]
+TILT = math.radians(5.0)  # of a skin that a person takes for level
+MOUNT = 200e3  # [N/m] of an arm or a stand that counts as rigid
 BEAM = 0.05  # of its stiffness
-SMALL = 0.5e-3  # [m]
+SMALL = 0.5e-3  # [m] radius, below which a tip is of an instrument and not of a robot
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,7 @@ from palpate_uncertainty.information_bound import bounds_at_best, correlation, s
 # Decision 0004: what is left of an estimate's settling is in its uncertainty; a flag is raised beyond these.
 _MAX_SETTLING = 0.02  # of a value: slope times time tracked
 _MAX_SETTLING_STDS = 3.0  # [standard deviations] of the value
-_MAX_CHANCE_SLOPE = (
-    3.5  # [standard deviations] of a slope by chance; of two parameters one in a thousand tracks is beyond
-)
+_MAX_CHANCE_SLOPE = 3.5  # [standard deviations] of a slope: of two parameters one in 1000 tracks is beyond by chance
 # Choices: wider than chance alone makes them.
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _MAX_AUTOCORRELATION = 0.3  # of innovations; 0.1 occurs by chance alone

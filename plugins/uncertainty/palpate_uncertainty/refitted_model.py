@@ -24,7 +24,7 @@ from palpate_uncertainty.residual_null import standstill_count
 from palpate_uncertainty.score_tests import LEVEL
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
-ENOUGH = 300  # samples
+ENOUGH = 300  # samples in contact, to test a refit on
 _MAX_EXPLAINED_SHARE = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
 _MIN_DEPTH_SHARE = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose

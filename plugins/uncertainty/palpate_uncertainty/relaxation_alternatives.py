@@ -12,7 +12,7 @@ from palpate_uncertainty.refit import Course
 _RELAXATION_TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
 _MAX_SAMPLES = 3000  # samples that are fitted
 _MAX_SURFACE_SHIFT = 3e-3  # [m] that the surface may move
-_SURFACE_TOLERANCE = 1e-7  # [m]
+_SURFACE_TOLERANCE = 1e-7  # [m] to which the surface is searched
 _MIN_MEMORY = 1e-18  # of a change
 
 

@@ -18,10 +18,8 @@ AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the 
 REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
 _AIR_HEIGHT_SHARE = 0.05  # of the way in contact, above which the air before it is air
 _BAND_BEGIN = 0.125  # of the band, from which on what a model leaves is noise
-_FLATNESS_RATIO, _FLATNESS_DEVIATIONS = (
-    1.5,
-    3.8,
-)  # by which parts of a flat band differ: a factor, or standard deviations of few readings
+_FLATNESS_RATIO = 1.5  # by which parts of a flat band differ at most
+_FLATNESS_DEVIATIONS = 3.8  # standard deviations, the same of few readings
 _MIN_CHANGE_SHARE = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
 _HANN_VARIANCE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
 LAW_ROUNDING = 2e-6  # of the range of the force, that a fit of a computed force leaves where contact sets in

@@ -18,12 +18,15 @@ from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_withou
 from palpate_uncertainty.residual_null import rounding_noise, slopes_of
 
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
-_BIN_COUNTS = {"time": 24, "depth": 24, "speed": 12, "air": 12}
+_BIN_COUNTS = {
+    "time": 24,
+    "depth": 24,
+    "speed": 12,
+    "air": 12,
+}  # over each variable, any pattern of which would show: a choice
 _TIME_STEPS = 8  # bins of what moves in time
 _LIMIT_SHARE = 0.95  # of the largest force, above which a sensor may give less
-_COMMAND_DELAY = (
-    0.01  # [s] by which an arm is behind its command; what eta does not take of that goes with the acceleration
-)
+_COMMAND_DELAY = 0.01  # [s] of an arm behind its command; the part that eta does not take goes with acceleration
 _DEPTH_STEP_NOISES = 20.0  # times the noise of a height, of depths that are distinguished
 _MIN_ACCELERATION_NOISES = 10.0  # times the noise of an acceleration, from which on it is one
 _FRICTION_SPEED_SHARE = 0.05  # of the largest speed, below which friction is not full

@@ -21,7 +21,7 @@ from palpate_uncertainty.residual_rows import FIXED, JudgedRows, slow_accelerati
 from palpate_uncertainty.score_tests import LEVEL, ResidualSpace, TestedResidual, effective_count
 from palpate_uncertainty.whiteness import oscillation
 
-ENOUGH_SAMPLES = 100  # samples
+ENOUGH_SAMPLES = 100  # in contact, to test a residual
 OUTLIER_SIGMAS = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
 
 

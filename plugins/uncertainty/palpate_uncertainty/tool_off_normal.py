@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from palpate import Diagnosed, Flag, Indenter, TrackEvidence
 
 # [rad] between tool and normal, beyond which a value is doubtful, and none.
-_SPHERE_LIMITS = math.radians(45.0), math.radians(60.0)
-_OTHER_LIMITS = math.radians(2.0), math.radians(10.0)
+_SPHERE_LIMITS = math.radians(45.0), math.radians(60.0)  # off the normal, between which it is doubtful
+_OTHER_LIMITS = math.radians(2.0), math.radians(10.0)  # the same of a tip with an edge
 
 
 def tool_off_normal(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:

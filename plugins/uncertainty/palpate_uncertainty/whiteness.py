@@ -13,14 +13,14 @@ from palpate import Floats
 from palpate_uncertainty.channel_noise import OUTLIER, Null, Runs, deviation, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 
-LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
+LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10  # lags of the autocorrelation; bins of phase, time and depth
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
-_NEAR_SAMPLES = 10
+_NEAR_SAMPLES = 10  # samples, within which the channel itself remembers
 _BLOCK_LAGS = 20  # blocks of `_NEAR_SAMPLES` samples, where no standstill shows the channel's own memory
 _MIN_BIN_SAMPLES = 8  # samples of a bin, for its mean to be nearly normal
 _MIN_LINE_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
-_MIN_CYCLES = 4.0
+_MIN_CYCLES = 4.0  # of an oscillation in the record
 
 
 @dataclass(frozen=True)

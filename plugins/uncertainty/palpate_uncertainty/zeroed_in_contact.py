@@ -17,7 +17,7 @@ from palpate_uncertainty.refitted_model import judged_rows
 SIGNIFICANT = 5.0  # standard uncertainties of the force that is missing where the zero was taken
 FEWEST_READINGS = 10  # of the tare
 DEPTH_STEP = 1e-6  # [m] for a slope
-MAX_REFITS = 8
+MAX_REFITS = 8  # until the zero has settled
 SETTLED = 0.02  # of the zero, by which it changes from one refit to the next
 
 

@@ -9,7 +9,7 @@ from palpate import Floats, TrackEvidence
 _MIN_HEIGHT_NOISE = 2e-7  # [m] noise that no arm's encoders stay below
 _MIN_NOISE_SHARE = 1e-4  # of the way, that the noise of a measured one is never below
 _MIN_WAY = 2e-4  # [m] of way; less is that of an instrument with other sensors
-_MIN_SAMPLES = 500  # samples
+_MIN_SAMPLES = 500  # of a motion that may be a command
 
 
 def share_of_command(noise: float, way: float) -> float:

@@ -28,7 +28,7 @@ _WINDOW_TIMES = 5.0  # of the residuals' own autocorrelation time, at which it i
 _MAX_LAGS = 50  # of that sum: a choice of time
 # Choices.
 _MIN_SAMPLES = 1000  # of a record that is looked at
-_MAX_SURFACE_SHIFT = 1e-3  # [m]
+_MAX_SURFACE_SHIFT = 1e-3  # [m] by which a law may move the surface
 _TIMES_PER_DECADE = 4  # of the branches that make up a power law
 _MIN_CORRECTION = 0.005  # of a value; a smaller one is not written
 

@@ -13,11 +13,9 @@ from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_uncertainty.refit import Course, make_course
 
-LATEST = 0.03  # [s]
+LATEST = 0.03  # [s] of a delay that is looked for
 _WINDOWS = (5, 7, 9, 11, 15, 19, 25, 31, 41)  # samples of the local cubic for rate and acceleration
-_MAX_NOISE_SHARE = (
-    0.02  # of the RMS rate: what the shortest of them leaves of its noise, so that fast motions are not bent
-)
+_MAX_NOISE_SHARE = 0.02  # of the RMS rate: noise that the shortest window leaves, so that fast motions are not bent
 
 Columns = Callable[[Course, float, Floats], Floats]  # forces (n, c) of units along a motion, by surface and numbers
 
