@@ -69,7 +69,7 @@ def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
 
 
 def facts_in_words(pipelines: Counted, limit: str = "") -> dict[str, str]:
-    """What is taken for the tip, where the model has one, the model and the force of the first track of pipelines.
+    """Words for the tip, where the model has one, the model and the force of the first track of pipelines.
 
     `limit` says where a stated half-space holds.
     """

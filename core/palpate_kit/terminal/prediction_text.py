@@ -1,4 +1,4 @@
-"""How well one part of a record predicts the other, in words."""
+"""The prediction of one part of a record by the other, in words."""
 
 HALF, BLOCK = "the fit of the first half predicts the second half", "every second block predicts the others"
 MIN_SHOWN = 5e-4  # of the force, half of the last digit that is shown

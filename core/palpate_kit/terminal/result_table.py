@@ -82,7 +82,7 @@ class TableValue:
 
 @dataclass(frozen=True)
 class ResultFinding:
-    """What a record says against its law or a stated fact, why a value is not determined, or a note."""
+    """A finding against a law or a stated fact, the reason of a value that is not determined, or a note."""
 
     code: str
     word: str  # the verdict that it makes: doubtful, invalid, not determined or, of no value, note
@@ -177,7 +177,7 @@ class ResultRow:
 
     @property
     def notes(self) -> list[ResultFinding]:
-        """What was found and makes no verdict."""
+        """Notes, which make no verdict."""
         return [finding for finding in self.findings if finding.word == NOTE]
 
     def _is_void(self, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""What people see of a folder of fits: its rows with their verdicts, findings, open facts, and how many have which."""
+"""The screen of a folder of fits: rows with their verdicts, findings, open facts, and how many have which."""
 
 from __future__ import annotations
 

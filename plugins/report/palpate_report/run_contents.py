@@ -70,7 +70,7 @@ class RunContents:
 
     @property
     def name(self) -> str:
-        """What the run is called; its folder where nobody has named it."""
+        """Name of the run; its folder where nobody has named it."""
         named = self.document.get("run", {}).get("name") or self.resolved.get("run", {}).get("name")
         return str(self.path.resolve().name if named in (None, "", _UNNAMED) else named)
 
