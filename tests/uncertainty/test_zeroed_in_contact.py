@@ -39,6 +39,8 @@ def test_a_tip_that_never_moves_is_at_rest_all_along():
     assert standstill_count(time, 1e-6 * np.random.default_rng(0).standard_normal(1000)) == 1000
     assert standstill_count(time, np.zeros(1000)) == 1000
     assert standstill_count(time[:0], time[:0]) == 0
+    unknown = np.where(np.arange(1000) < 200, np.nan, 0.0)  # nothing shows that the first readings are at rest
+    assert standstill_count(time, unknown) == 0
 
 
 @pytest.mark.slow

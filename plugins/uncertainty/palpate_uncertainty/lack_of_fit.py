@@ -146,6 +146,4 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     local = replace(course, used=here)
     fit = refit(local, track.values, float(np.median(course.height[here])) + _DEEP)
     base = with_noise(track, local, fit)
-    if base.test(fit.residual).p >= LEVEL:  # the stretch alone does not show what it is
-        found = replace(found, p=min(found.p, LEVEL))
     return explained(replace(track, values=fit.theta, surface=fit.surface), found, base)

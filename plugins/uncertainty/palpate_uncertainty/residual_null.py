@@ -106,6 +106,8 @@ def standstill_count(time: Floats, place: Floats) -> int:
         return len(place)
     # The first moments: as long as is needed to determine a noise.
     window = known & (np.arange(len(place)) < READINGS) | known & (time <= time[0] + AIR)
+    if not window.any():
+        return 0
     centred, level = time[window] - np.mean(time[window]), float(np.mean(place[window]))
     slope = float(centred @ place[window]) / max(float(centred @ centred), 1e-300)
     scatter = float(np.std(place[window] - level - slope * centred))
