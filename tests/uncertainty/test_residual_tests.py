@@ -109,7 +109,7 @@ def test_single_readings_are_found_beside_a_steep_ramp(judged, rig):
         ("texture", "drying", "stiffness that changes"),
         ("robot-speed", "another mass", "mass"),
         ("robot", "the zero drifts", "drift"),
-        ("robot", "a base that gives", "compliance"),
+        ("robot", "a base that gives", "a mount that gives way"),
     ],
 )
 def test_what_is_wrong_by_twelve_standard_deviations_is_told_with_its_cause(judged, rig, kind, cause):

@@ -143,6 +143,8 @@ def _where(rows: Sequence[ResultRow], table: ResultTable) -> str:
         return ""
     if table.thing == "track" and len(rows) < len(table.rows) and len(rows) <= _NAMED:
         return f", {', '.join(row.track for row in rows)}"
+    if len(rows) == 1:
+        return f", {short_name(rows[0].record)}"
     return f", {len(rows)} of {counted(len(table.rows), table.thing)}"
 
 
