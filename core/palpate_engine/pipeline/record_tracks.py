@@ -42,10 +42,11 @@ class RecordTracks:
     record. Raises ConfigurationError for a pipeline with a live device.
     """
 
-    def __init__(self, pipeline: Pipeline) -> None:
+    def __init__(self, pipeline: Pipeline, compares: bool | None = None) -> None:
         if is_live(pipeline.devices):
             raise ConfigurationError(f"{pipeline.path}: has a live device; only what is recorded can be read again")
         self.pipeline = pipeline
+        self._compares = compares  # of several tracks, if not stated
         self._reusable: dict[str, Tracker] = {}
 
     def estimate(
@@ -87,7 +88,7 @@ class RecordTracks:
         )
 
     def _started(self, pipeline: Pipeline) -> Iterator[RunningTrack]:
-        for running in start_tracks(pipeline):
+        for running in start_tracks(pipeline, self._compares):
             if running.track.estimator.reusable:
                 running.tracker = self._reusable.setdefault(str(running.track.name), running.tracker)
             yield running

@@ -201,8 +201,11 @@ def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
     return {name: tuple(parameter.name for parameter in other.parameters) for name, other in others.items()}
 
 
-def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
-    """Every track with a fresh tracker; raises ConfigurationError where an estimator cannot start."""
+def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[RunningTrack]:
+    """Every track with a fresh tracker, with what compares them (of several, if not stated).
+
+    Raises ConfigurationError where an estimator cannot start.
+    """
     keep = max(3.0 * pipeline.run.average, 1.0)
     standstill = pipeline.safety.standstill if pipeline.safety else None
     running = []
@@ -226,6 +229,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}
         record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
         curved = pipeline.alignment.surface is not None
-        comparison = ComparisonRecord() if len(pipeline.tracks) > 1 else None
+        is_compared = len(pipeline.tracks) > 1 if compares is None else compares
+        comparison = ComparisonRecord() if is_compared else None
         running.append(RunningTrack(track, tracker, record, part_failure, curved, comparison))
     return running

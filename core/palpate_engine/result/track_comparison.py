@@ -144,12 +144,12 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
     """
     force = np.full(len(samples), np.nan)
     previous = np.vstack([np.full_like(estimates[:1], np.nan), estimates[:-1]])
-    known = finite_rows(previous)
-    if not known.any():
+    is_known = finite_rows(previous)
+    if not is_known.any():
         return force
-    # Stretches of contact, each with the estimate of the sample before; what is unknown has the next known one.
-    source = np.minimum.accumulate(np.where(known, np.arange(len(known)), len(known))[::-1])[::-1]
-    usable = samples.active & np.isfinite(samples.position) & np.isfinite(samples.velocity) & (source < len(known))
+    # Stretches of contact, each with the estimate of the sample before; what is unknown has the next is_known one.
+    source = np.minimum.accumulate(np.where(is_known, np.arange(len(is_known)), len(is_known))[::-1])[::-1]
+    usable = samples.active & np.isfinite(samples.position) & np.isfinite(samples.velocity) & (source < len(is_known))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
     for begin, end in edges.reshape(-1, 2):
         rows = slice(int(begin), int(end))
@@ -165,7 +165,7 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
                 )
         except RAISED_BY_PARTS:  # whatever a third-party model raises at odd parameters
             continue
-    return np.where(known, force, np.nan)
+    return np.where(is_known, force, np.nan)
 
 
 def _settling_time(samples: Samples, values: Floats, end: float) -> float:

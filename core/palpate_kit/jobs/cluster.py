@@ -52,7 +52,7 @@ def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[
     from palpate_kit.jobs.staging import Stage, StagedJob, brought, run_staged
 
     stage = Stage(url)
-    inputs = stage.put_inputs(job.pipeline() for job in jobs.values())
+    inputs = stage.put_inputs(pipeline for job in jobs.values() for pipeline in job.pipelines())
     done = spread(client, run_staged, (StagedJob(parcel, stage, inputs) for parcel in parcels))
     with closing(done):
         for staged, outcome in done:

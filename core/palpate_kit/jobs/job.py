@@ -93,6 +93,10 @@ class Job:
         """The pipeline; raises UserError where it has a mistake."""
         return self.plan.pipeline() if isinstance(self.plan, PortablePipeline) else self.plan
 
+    def pipelines(self) -> list[Pipeline]:
+        """All pipelines that the job reads; raises UserError where one has a mistake."""
+        return [self.pipeline()]
+
     def placed(self) -> Job:
         """The job with paths that mean the same wherever it runs."""
         plan = (

@@ -130,7 +130,9 @@ def run_staged(staged: StagedJob) -> Outcome:
             if whole:
                 stage.get_run(job.folder.name, folder)
             outcome = run_job(replace(job, folder=folder))
-            if isinstance(outcome, RunAnswer) and (not whole or outcome.result.folder != folder):
+            # A job may have an answer and no folder.
+            is_run = isinstance(outcome, RunAnswer) and outcome.result.folder.is_dir()
+            if isinstance(outcome, RunAnswer) and is_run and (not whole or outcome.result.folder != folder):
                 stage.put_run(outcome.result.folder, job.folder.name)
     except PalpateError as error:
         return error
@@ -139,7 +141,7 @@ def run_staged(staged: StagedJob) -> Outcome:
 
 def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
     """An outcome with its run folder brought here; raises OutputError where that cannot be."""
-    if not isinstance(outcome, RunAnswer):
+    if not isinstance(outcome, RunAnswer) or not outcome.result.run:
         return outcome
     if (found := cached_result(job)) is None:
         folder = unused_folder(job.folder)

@@ -35,30 +35,36 @@ def comparison_table(table: ResultTable, is_whole: bool = False) -> Table:
     is_whole |= layout() != "table"
     names = list(dict.fromkeys(name for row in table.rows for name in row.values)) if is_whole else table.names
     values = value_table(table, names=names)
-    known = [name for name in names if any(name in _distances(row) for row in table.rows)]
+    distant_names = [name for name in names if any(name in _distances(row) for row in table.rows)]
     rows = [
         (
             *(cells if is_whole else _with_reason(cells, row)),
             *_measure_cells(row, is_whole),
-            *_distance_cells(row, known),
+            *_distance_cells(row, distant_names),
         )
         for cells, row in zip(values.rows, table.rows, strict=False)
     ]
-    headings, left = values.headings, values.left
-    heads = ["force\n%", "NIS", "settled\ns", "cost\nus", *(f"{SYMBOLS.get(name, name)} off\nu" for name in known)]
+    headings, text_headings = values.headings, values.left
+    heads = [
+        "force\n%",
+        "NIS",
+        "settled\ns",
+        "cost\nus",
+        *(f"{SYMBOLS.get(name, name)} off\nu" for name in distant_names),
+    ]
     if is_whole:
         heads = ["force\n%", "NIS", "NIS low", "NIS high", "settled\ns", "cost\nus", "samples"]
-        heads += [*(f"{name} off [u]" for name in known), _REASON]
+        heads += [*(f"{name} off [u]" for name in distant_names), _REASON]
         rows = [(*cells, reason_of(row)) for cells, row in zip(rows, table.rows, strict=True)]
     else:
-        headings, left = (tuple(map(with_symbols, texts)) for texts in (headings, left))
+        headings, text_headings = (tuple(map(with_symbols, texts)) for texts in (headings, text_headings))
     if len(values.rows) > len(rows):  # the truth
         rows.append((*values.rows[-1], *[""] * len(heads)))
     return replace(
         values,
         headings=(*headings, *heads),
         rows=tuple(rows),
-        left=(*left, _REASON),
+        left=(*text_headings, _REASON),
         spare=0 if is_whole else len(heads),
     )
 
@@ -75,14 +81,14 @@ def lines_below(table: ResultTable) -> Iterator[str]:
 def reason_of(row: ResultRow) -> str:
     """Return the flags by which values of a track are not good, and whether it is slower than its sensors."""
     slow = [SLOW] if row.measures and row.measures.is_behind else []
-    return ", ".join(dict.fromkeys((*(one.code for one in row.judging_findings), *slow)))
+    return ", ".join(dict.fromkeys((*(finding.code for finding in row.judging_findings), *slow)))
 
 
 def _with_reason(cells: Sequence[str], row: ResultRow) -> list[str]:
     """Return the cells of a row; the flag that makes all of its values invalid stands in place of the first."""
     if not row.values or any(value.word != "invalid" for value in row.values.values()):
         return list(cells)
-    reason = next((one.code for one in row.judging_findings if one.word == "invalid"), cells[1])
+    reason = next((finding.code for finding in row.judging_findings if finding.word == "invalid"), cells[1])
     return [cells[0], reason.replace("-", " "), *cells[2:]]
 
 

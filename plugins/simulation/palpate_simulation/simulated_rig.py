@@ -134,6 +134,12 @@ class SimulatedRig(Device):
         """The specimen's parameters and the height of its surface."""
         return {**self.specimen.parameters, "surface": self.specimen.surface}
 
+    def truth_at(self, places: Floats) -> Mapping[str, Floats]:
+        """Return the specimen's parameters (n,) that a tip feels at places (n, 2) [m]."""
+        skin = SkinUnderTip(self.specimen, np.column_stack([places, np.zeros(len(places))]))
+        names = [parameter.name for parameter in self.specimen.model.parameters]
+        return {name: np.broadcast_to(value, len(places)) for name, value in zip(names, skin.theta, strict=True)}
+
     @property
     def provenance(self) -> Mapping[str, str]:
         """The sensor's serial number."""

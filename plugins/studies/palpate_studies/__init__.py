@@ -17,6 +17,9 @@ def palpate_commands() -> dict[str, Command]:
         "sweep": Command(
             "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores.", "compare"
         ),
+        "bench": Command(
+            "palpate_studies.bench.bench_command:bench", "Compare filters and models on many records.", "compare"
+        ),
         "repeat": Command(
             "palpate_studies.repeat_command:repeat",
             "Summarise many runs, and test groups against each other.",
@@ -34,8 +37,9 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Settings of a sweep, and of repeats."""
+    """Settings of a bench, of a sweep, and of repeats."""
+    from palpate_studies.bench.settings import MeasureSettings
     from palpate_studies.repeat_settings import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings
 
-    return {"sweep": SweepSettings, "repeat": RepeatSettings}
+    return {"bench": MeasureSettings, "sweep": SweepSettings, "repeat": RepeatSettings}

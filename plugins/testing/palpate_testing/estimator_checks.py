@@ -13,6 +13,7 @@ import numpy as np
 from palpate import ContactModel, Estimates, Estimator, Problem, Samples, Status
 
 from palpate_testing.failure_messages import demand
+from palpate_testing.standard_set_checks import check_standard_set
 from palpate_testing.truth_checks import check_truth
 from palpate_testing.truth_records import TIP_MASS, PressMotion
 
@@ -31,7 +32,14 @@ def synthetic_samples(
     return PressMotion(duration=duration, rate=rate).samples(model, theta, TIP_MASS, seed)
 
 
-def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[float], *, truth: bool = False) -> None:
+def check_estimator(
+    estimator: Estimator,
+    model: ContactModel,
+    theta: Sequence[float],
+    *,
+    truth: bool = False,
+    standard_set: bool = False,
+) -> None:
     """Check that an estimator keeps its promises on a synthetic palpation of a material with parameters `theta`.
 
     Checked: one estimate for each sample, of its time and the right shape; nothing is estimated out of contact; no
@@ -39,7 +47,8 @@ def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[f
     the same bits on a second run and, for online estimators, however the samples are cut into blocks; the samples are
     left as they are; an online estimator takes less time than the record; a missing measurement is survived.
     With `truth` its values are checked, too, on 40 records of known parameters, which takes some seconds; see
-    `check_truth`. Raises AssertionError with the reason.
+    `check_truth`. With `standard_set` it runs on two records of at most 3 s of each scene of `palpate bench`, with the
+    model of the scene; see `check_standard_set`. Raises AssertionError with the reason.
     """
     name = type(estimator).__name__
     problem = Problem(model, TIP_MASS)
@@ -69,6 +78,8 @@ def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[f
     demand(len(estimator.start(problem).run(samples[:0])) == 0, f"{name} makes estimates of no samples")
     if truth:
         check_truth(estimator, model, theta)
+    if standard_set:
+        check_standard_set(estimator)
 
 
 def _check_speed(estimator: Estimator, problem: Problem, samples: Samples) -> None:

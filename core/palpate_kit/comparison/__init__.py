@@ -1,0 +1,1 @@
+"""Measures of many tracks on many records, and the standard set of simulated records."""

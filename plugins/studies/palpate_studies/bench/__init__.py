@@ -1,0 +1,1 @@
+"""Filters and models on many records, side by side in one table."""

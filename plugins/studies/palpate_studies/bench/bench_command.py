@@ -1,0 +1,163 @@
+"""``palpate bench``: filters and models on many records, side by side in one table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import closing, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import OutputError, PalpateError
+from palpate_engine import StoppedError, bounded_text, make_folder, registry, write_new, write_whole
+from palpate_kit.comparison.record_rows import Row
+from palpate_kit.comparison.standard_set import SLOW_SCENES, scene_files
+from palpate_kit.jobs.engines import SchedulerOption, StageOption, engine_of
+from palpate_kit.jobs.job import Engine
+from palpate_kit.terminal.json_output import json_text, print_json
+from palpate_kit.terminal.layout import layout
+from palpate_kit.terminal.options import DetailsOption, FormatOption, JsonOption, Overrides
+from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
+
+from palpate_studies.bench.bench_table import csv_text, lines_below, scene_matrix, scene_table, summaries
+from palpate_studies.bench.records import BenchRecord, portions, records_of
+
+_ROWS, _SETTINGS = "rows.jsonl", "bench.json"
+
+
+def bench(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Pipeline files; their [sweep] lists records: seeds, logs, folders. [default: standard set]"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder; one that holds a part of this bench is continued. [default: runs/...]"
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    records: Annotated[
+        int | None, typer.Option(help="Records of a scene whose seeds are listed. [default: as listed]", min=1)
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(help="Processes at a time. [default: one per core]", min=1)] = None,
+    scheduler: SchedulerOption = None,
+    stage: StageOption = None,
+    details: DetailsOption = False,
+    as_json: JsonOption = False,
+    form: FormatOption = "table",
+) -> None:
+    """Compare filters and models on many records: the standard set of simulated scenes, or those of pipelines.
+
+    Those of a plugin file take part: palpate bench --plugin mine.py.
+
+    Each record is made once, and every track runs on its samples. Errors where a truth is known, and for all the error
+    of the force that the estimate of the sample before predicts, NIS, time to settle and cost.
+    """
+    settings = [*_with_plugin_files(), *(overrides or [])]
+    bench_records = [record for file in files or scene_files() for record in records_of(file, settings, records)]
+    if not files:
+        bench_records += [
+            record for file in scene_files(SLOW_SCENES) for record in records_of(file, overrides or [], None)
+        ]
+    folder = _folder(bench_records, out)
+    rows = _kept_rows(folder)
+    done = {(row["file"], row["scene"], row["record"]) for row in rows}
+    missing = [record for record in bench_records if record.key not in done]
+    rows += _measured(missing, folder, engine_of(scheduler, jobs, folder, stage), len(bench_records))
+    order = {record.key: place for place, record in enumerate(bench_records)}
+    rows.sort(key=lambda row: order[row["file"], row["scene"], row["record"]])
+    summary_rows = summaries(rows)
+    write_whole(folder / "records.csv", csv_text(rows))
+    write_whole(folder / "bench.csv", csv_text(summary_rows))
+    write_whole(folder / "summary.json", json_text(summary_rows))
+    if as_json:
+        print_json({"folder": folder, "records": len(bench_records), "rows": summary_rows})
+    else:
+        _print(summary_rows, details)
+    failed = sum(row["failed"] for row in summary_rows)
+    before = len(bench_records) - len(missing)
+    counts = f"{len(bench_records)} records, {failed} estimates failed, {before} found in the folder"
+    typer.echo(f"{counts}: {folder}", err=as_json or layout() != "table")
+    if len({(row["file"], row["scene"], row["record"]) for row in rows}) < len(bench_records):
+        typer.echo(f"stopped; go on with --out {folder}", err=True)
+        raise typer.Exit(130)
+
+
+def _with_plugin_files() -> list[str]:
+    """Return settings by which all estimators and models of plugin files take part, each under its own name."""
+    registered = registry.load()
+    settings = []
+    for part_kind in ("estimator", "model"):
+        for name, entry in registered.parts[part_kind].items():
+            if entry.plugin.name.endswith(".py"):
+                settings.append(f"{part_kind}.{name}.type={json.dumps(name)}")
+                settings += [f'model.{name}.indenter="tip"'] if part_kind == "model" else []
+    return settings
+
+
+def _measured(records: Sequence[BenchRecord], folder: Path, engine: Engine, total: int) -> list[Row]:
+    """Measure records, keep the rows of each portion as soon as it is done, and return them all."""
+    rows: list[Row] = []
+    with (
+        progress("bench", "records", total),
+        closing(engine(portions(records, folder / "work"))) as running,
+        suppress(KeyboardInterrupt),
+    ):
+        report_progress(total - len(records))
+        for _, outcome in running:
+            if isinstance(outcome, StoppedError):
+                break
+            if isinstance(outcome, PalpateError):
+                raise outcome
+            with (folder / _ROWS).open("a", encoding="utf-8") as file:
+                file.write("".join(json.dumps(row) + "\n" for row in outcome.more))
+            rows += outcome.more
+            report_progress(total - len(records) + len({(row["file"], row["record"]) for row in rows}))
+    return rows
+
+
+def _kept_rows(folder: Path) -> list[Row]:
+    """Return the rows that an earlier attempt has written whole; a portion that was cut short is measured again."""
+    path = folder / _ROWS
+    if not path.is_file():
+        return []
+    rows: list[Row] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        with suppress(json.JSONDecodeError):
+            rows.append(json.loads(line))
+    return rows
+
+
+def _folder(records: Sequence[BenchRecord], out: Path | None) -> Path:
+    """Return the folder of a bench: a new one, or one that holds a part of this very bench; raises OutputError."""
+    plans = [[record.scene, record.number, record.plan.text, list(record.plan.overrides)] for record in records]
+    text = json_text(plans)
+    if out is None or not (out / _SETTINGS).is_file():
+        folder = make_folder("bench", out, datetime.now(UTC).astimezone())
+        write_new(folder / _SETTINGS, text)
+        return folder
+    if bounded_text(out / _SETTINGS) != text:
+        raise OutputError(f"{out}: holds a bench of other records or settings; give --out another folder")
+    return out
+
+
+def _print(rows: Sequence[Row], details: bool) -> None:
+    """Print a column for each of several scenes, or all measures of one; with `details` those of each."""
+    screen = console()
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    is_file = layout() != "table"
+    if len(scenes) > 1 and not is_file:
+        screen.print(scene_matrix(rows).view())
+    for scene in scenes if details or is_file or len(scenes) == 1 else ():
+        of_scene = [row for row in rows if row["scene"] == scene]
+        if len(scenes) > 1:
+            screen.print(f"\n{scene}", highlight=False)
+        screen.print(scene_table(of_scene, is_file).view())
+    for line in lines_below(rows) if not is_file else ():
+        screen.print(line, highlight=False)

@@ -1,0 +1,169 @@
+"""The tables of a bench: a row for each scene and track, and on a screen a column for each scene."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from io import StringIO
+from statistics import median
+from typing import Any
+
+from palpate_kit.comparison.record_rows import Row
+from palpate_kit.terminal.comparison_table import SLOW
+from palpate_kit.terminal.result_screen import filled
+from palpate_kit.terminal.result_table import SYMBOLS
+from palpate_kit.terminal.table import Table
+
+MANY = 100  # records of a scene, from which on its coverage is shown
+_FAR = 2.0  # u, rms: beyond it the errors are larger than stated
+_NORMAL_QUANTILE = 1.96
+_LEGEND = (
+    "rms error of {value} in %, in brackets of the force that the sample before predicts; ! errors of more than 2 u "
+    "(rms); cost of a sample"
+)
+
+
+def summaries(rows: Iterable[Row]) -> list[Row]:
+    """Return a row for each scene and track: rms of errors, medians of measures, and how many records failed."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["scene"], row["track"]), []).append(row)
+    return [_summary(scene, track, of_both) for (scene, track), of_both in groups.items()]
+
+
+def _summary(scene: str, track: str, rows: Sequence[Row]) -> Row:
+    """Return the summary of the records of one scene and track."""
+    valid = [row for row in rows if not row.get("reason")]
+    names = dict.fromkeys(key.removesuffix("_error") for row in valid for key in row if key.endswith("_error"))
+    summary: Row = {"scene": scene, "track": track, "records": len(rows), "failed": len(rows) - len(valid)}
+    for name in names:
+        errors = _numbers(valid, f"{name}_error")
+        summary |= {f"{name}_error": _rms(errors), f"{name}_off": _rms(_numbers(valid, f"{name}_off"))}
+        inside = [off <= _FAR for off in _numbers(valid, f"{name}_off")]
+        low, high = _share_interval(sum(inside), len(inside))
+        summary |= {f"{name}_within_2u": sum(inside) / len(inside) if inside else None}
+        summary |= {f"{name}_within_low": low, f"{name}_within_high": high}
+    for key in ("prediction", "nis", "nis_low", "nis_high", "settled", "seconds_per_sample", "samples"):
+        numbers = _numbers(valid, key)
+        summary[key] = median(numbers) if numbers else None
+    slow = [SLOW] if 2 * sum(bool(row.get("is_slow")) for row in rows) > len(rows) else []
+    reasons = [row["reason"] for row in rows if row.get("reason")]
+    return summary | {"reason": "; ".join([*reasons[:1], *slow])}
+
+
+def _numbers(rows: Sequence[Row], key: str) -> list[float]:
+    return [row[key] for row in rows if isinstance(row.get(key), int | float)]
+
+
+def _rms(values: Sequence[float]) -> float | None:
+    return math.sqrt(sum(value**2 for value in values) / len(values)) if values else None
+
+
+def _share_interval(count: int, total: int) -> tuple[float | None, float | None]:
+    """Return the interval of 95 % of a share, by Wilson (1927)."""
+    if not total:
+        return None, None
+    share, z2 = count / total, _NORMAL_QUANTILE**2
+    middle = (share + z2 / (2 * total)) / (1 + z2 / total)
+    half = _NORMAL_QUANTILE * math.sqrt(share * (1 - share) / total + z2 / (4 * total**2)) / (1 + z2 / total)
+    return middle - half, middle + half
+
+
+def scene_matrix(rows: Sequence[Row]) -> Table:
+    """Return a row for each track and a column for each scene: the error of the first value, or of the prediction."""
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    tracks = list(dict.fromkeys(row["track"] for row in rows if row["track"]))
+    by_both = {(row["scene"], row["track"]): row for row in rows}
+    model = next(iter({track.partition("/")[0] for track in tracks}), "")
+    is_one_model = all(track.startswith(f"{model}/") for track in tracks)
+    cells = []
+    for track in tracks:
+        costs = [row["seconds_per_sample"] for row in rows if row["track"] == track and row["seconds_per_sample"]]
+        name = track.partition("/")[2] if is_one_model else track
+        scene_cells = [_scene_cell(by_both.get((scene, track))) for scene in scenes]
+        cells.append([name, *scene_cells, _number(1e6 * median(costs)) if costs else "-"])
+    head = f"{model}/" if is_one_model else "track"
+    return Table("", (head, *scenes, "us"), tuple(map(tuple, cells)), (head,), is_plain=True)
+
+
+def _scene_cell(row: Row | None) -> str:
+    if row is None:
+        return ""
+    if row["failed"] == row["records"]:
+        return "failed"
+    name = _first_value(row)
+    if name is None:
+        return f"({_percent(row['prediction'])})"
+    return f"{_percent(row[f'{name}_error'])}{'!' if (row[f'{name}_off'] or 0.0) > _FAR else ''}"
+
+
+def _first_value(row: Row) -> str | None:
+    return next((key.removesuffix("_error") for key in row if key.endswith("_error")), None)
+
+
+def scene_table(rows: Sequence[Row], is_whole: bool = False) -> Table:
+    """Return a row for each track of one scene: errors, distance in u, prediction, NIS, time to settle, cost.
+
+    From 100 records on with the share of records within 2 u and its interval. A table that `is_whole` has the reasons
+    of failures as well.
+    """
+    names = list(dict.fromkeys(key.removesuffix("_error") for row in rows for key in row if key.endswith("_error")))
+    has_coverage = is_whole or max(row["records"] for row in rows) >= MANY
+    heads = ["track", "of"]
+    for name in names:
+        symbol = name if is_whole else SYMBOLS.get(name, name)
+        heads += [f"{symbol}\nerror %", f"{symbol}\noff u", *([f"{symbol}\n% in 2 u"] if has_coverage else [])]
+    heads += ["force\n%", "NIS", "settled\ns", "cost\nus", *(["reason"] if is_whole else [])]
+    cells = [_scene_row(row, names, has_coverage)[: len(heads)] for row in rows]
+    texts = ("track", "reason")
+    return Table("", tuple(heads), tuple(map(tuple, cells)), texts, is_plain=True, spare=0 if is_whole else 2)
+
+
+def _scene_row(row: Row, names: Sequence[str], has_coverage: bool) -> list[str]:
+    valid, count = row["records"] - row["failed"], row["records"]
+    cells = [row["track"], str(count) if valid == count else f"{valid}/{count}"]
+    for name in names:
+        cells += [_percent(row.get(f"{name}_error")), _number(row.get(f"{name}_off"))]
+        if has_coverage:
+            shares = [row.get(f"{name}_within_{key}") for key in ("2u", "low", "high")]
+            texts = [f"{100 * share:.0f}" for share in shares if share is not None]
+            cells.append(f"{texts[0]} ({texts[1]} to {texts[2]})" if len(texts) == len(shares) else "-")
+    cost = row["seconds_per_sample"]
+    cells += [_percent(row["prediction"]), _number(row["nis"]), _number(row["settled"])]
+    return [*cells, _number(None if cost is None else 1e6 * cost), row["reason"].partition("\n")[0]]
+
+
+def lines_below(rows: Sequence[Row]) -> Iterator[str]:
+    """Return what the cells are, and each reason of a failure with the scenes and tracks that it is of."""
+    value = next((SYMBOLS.get(name, name) for row in rows if (name := _first_value(row))), "E")
+    yield from filled(_LEGEND.format(value=value), "  ")
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        if row["reason"]:
+            reasons.setdefault(row["reason"], []).append(f"{row['scene']} {row['track']}".strip())
+    for reason, rows_of_reason in reasons.items():
+        yield from filled(f"{', '.join(rows_of_reason)}: {reason}", "  ")
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows as CSV with all of their columns [SI]."""
+    text = StringIO()
+    columns = dict.fromkeys(key for row in rows for key in row)
+    table = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def _percent(value: float | None) -> str:
+    return _number(None if value is None else 100 * value)
+
+
+def _number(value: float | None) -> str:
+    """Return a number with two digits, from 10 on as a whole number; a dash without one."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    if value >= 1e4:
+        return f"{value:.0e}"
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
