@@ -8,6 +8,7 @@ import pytest
 from palpate import Estimates, OutputError, Parameter, Samples
 from palpate.errors import LogError
 from palpate_kit.runs import estimates_parquet
+from palpate_kit.runs.replay_source import log_in
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_maps.path_reader import tracks_of
 
@@ -43,6 +44,20 @@ def test_a_run_in_parquet_reads_back_as_one_in_text(run_point):
     np.testing.assert_allclose(other.numbers, one.numbers, rtol=1e-9)
     assert (other.track("dr/ekf").status == one.track("dr/ekf").status).all()
     assert tracks_of(columns.folder) == tracks_of(text.folder) == ["dr/ekf"]
+
+
+def test_a_table_of_estimates_is_no_log_of_the_run(tmp_path):
+    """A table of any other name is read as a log."""
+    import pyarrow
+    from pyarrow import feather, parquet
+
+    table = pyarrow.table({name: np.arange(60.0) for name in ("time_s", "force_N", "height_mm")})
+    (tmp_path / "pipeline.toml").write_text("")
+    parquet.write_table(table, tmp_path / "estimates.parquet")
+    with pytest.raises(LogError, match=r"expected one log in a run folder \(none\)"):
+        log_in(tmp_path)
+    feather.write_feather(table, tmp_path / "log.feather")
+    assert log_in(tmp_path) == tmp_path / "log.feather"
 
 
 def test_what_is_killed_keeps_its_rows(growing, tmp_path):

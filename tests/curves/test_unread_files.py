@@ -27,7 +27,7 @@ def write_press(path):
 def test_a_format_that_nothing_reads_says_what_to_do(tmp_path, ending):
     path = tmp_path / f"record{ending.upper()}"
     path.write_bytes(b"\0\1\2")
-    with pytest.raises(LogError, match=f"no device reads \\{ending} files: "):
+    with pytest.raises(LogError, match=f"\\{ending} files are not read: "):
         recording_of(path)
 
 

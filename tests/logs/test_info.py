@@ -204,7 +204,7 @@ def test_rate_and_time_are_for_tables(palpate, bag):
 
 def test_what_cannot_be_looked_into(palpate, tmp_path):
     (tmp_path / "notes.txt").write_text("no log")
-    for name, words in (("none.db3", "no such file"), ("notes.txt", "no device reads such a log")):
+    for name, words in (("none.db3", "no such file"), ("notes.txt", "neither a text with rows of numbers")):
         done = palpate("info", name)
         assert done.returncode == 2
         assert words in done.stderr

@@ -26,14 +26,22 @@ def test_a_text_of_any_ending_is_a_table(tmp_path, name, encoding):
     assert (columns["force"]["column"], columns["position"]["column"]) == ("Load [N]", "Travel [mm]")
 
 
-@pytest.mark.parametrize("name", ["mesh.obj", "table.csv.bak", "notes.json", ".hidden"])
-def test_a_text_that_holds_no_record_is_not_read(tmp_path, name):
-    with pytest.raises(LogError, match="no device reads such a log"):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("mesh.obj", "neither a text with rows of numbers"),
+        ("table.csv.bak", "neither a text with rows of numbers"),
+        (".hidden", "neither a text with rows of numbers"),
+        ("notes.json", "cannot be read as .json"),
+    ],
+)
+def test_a_text_that_holds_no_record_is_not_read(tmp_path, name, words):
+    with pytest.raises(LogError, match=words):
         recording_of(written(tmp_path / name, HEAD, *ROWS))
 
 
 def test_a_text_without_rows_of_numbers_is_not_read(tmp_path):
-    with pytest.raises(LogError, match="no device reads such a log"):
+    with pytest.raises(LogError, match="neither a text with rows of numbers"):
         recording_of(written(tmp_path / "notes.abc", "The tip was cleaned.\n" * 50))
 
 

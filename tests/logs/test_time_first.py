@@ -54,11 +54,32 @@ def test_rows_written_twice_are_told(tmp_path):
         suggest_csv(path, {})
 
 
-def test_whole_seconds_need_a_rate_and_take_it(tmp_path):
+@pytest.mark.parametrize("name", ["time (s)", "Time", "clock"])
+def test_rows_that_share_whole_seconds_are_even_within_them(tmp_path, name):
+    seconds = [int(t / RATE) for t in range(COUNT)]
+    clock = [f"2024-05-01 12:00:{second:02d}" for second in seconds]
+    path = table(tmp_path / "whole.csv", {name: clock if name == "clock" else seconds})
+    found = suggest_csv(path, {})
+    assert found.device["rate"] == "50 Hz"
+    assert f"time: column {name} has whole seconds; its 50 rows in a second are taken as even" in found.doubts
+    assert suggest_csv(path, {"rate": "51 Hz"}).device["rate"] == "51 Hz"
+
+
+@pytest.mark.parametrize("loss", [range(120, 128), range(150, 200), range(130, 260)])
+def test_whole_seconds_with_rows_missing_need_a_rate(tmp_path, loss):
+    """A gap within a second, or of whole ones, would be filled."""
     path = table(tmp_path / "whole.csv", {"time (s)": [int(t / RATE) for t in range(COUNT)]})
+    head, *rows = path.read_text().splitlines(keepends=True)
+    path.write_text(head + "".join(row for k, row in enumerate(rows) if k not in loss))
     with pytest.raises(LogError, match=r"whole seconds.*--rate"):
         suggest_csv(path, {})
     assert suggest_csv(path, {"rate": "50 Hz"}).device["rate"] == "50 Hz"
+
+
+def test_a_second_that_two_rows_share_is_no_rate(tmp_path):
+    path = table(tmp_path / "two.csv", {"time (s)": [t // 2 for t in range(COUNT)]})
+    with pytest.raises(LogError, match=r"whole seconds.*--rate"):
+        suggest_csv(path, {})
 
 
 def test_a_time_that_runs_backwards_is_told(tmp_path):

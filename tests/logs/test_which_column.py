@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from palpate_logs.csv_roles import suggest_csv
-from palpate_records.tables.csv_names import role_by_words
+from palpate_records.tables.csv_names import role_by_words, unit_text
+from palpate_records.tables.table_text import encoding_of
 
 DEPTH = np.interp(np.arange(600.0), [0, 100, 400, 500, 599], [-1.0, -1.0, 2.0, 2.0, -1.0])
 FORCE = np.maximum(DEPTH, 0.0) ** 1.5
@@ -40,3 +41,42 @@ def test_an_indentation_of_zeros_is_no_position_and_the_beam_is_asked_for(tmp_pa
     found = suggest_csv(path, {"position-of": "stage"})
     assert found.device["columns"]["position"]["column"] == "Piezo (nm)"
     assert found.alignment["beam"] == "1 N/m"
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("Force N", "N"), ("Travel mm", "mm"), ("Cycle N", ""), ("Sample N", ""), ("N", "")]
+)
+def test_a_unit_behind_a_space_belongs_to_a_quantity(name, unit):
+    assert unit_text(name) == unit
+
+
+def test_a_height_that_grows_evenly_is_no_time(tmp_path):
+    """A table of height and force from a simulation was read with the height as its time."""
+    path = written(tmp_path / "model.csv", "z,force", np.linspace(0.0, 20.0, 401), np.linspace(0.0, 1.0, 401) ** 1.5)
+    suggestion = suggest_csv(path, {})
+    assert suggestion.device["columns"]["position"]["column"] == "z"
+    assert [blank.partition(":")[0] for blank in suggestion.blanks] == ["rate"]
+
+
+@pytest.mark.parametrize("name", ["F_std", "force error", "z_sd", "qx", "qw", "quaternion_2", "position_error"])
+def test_deviations_errors_and_quaternions_are_no_force_and_no_height(name):
+    assert role_by_words(name) == "other"
+
+
+def test_forces_in_counts_have_the_scale_of_the_head(tmp_path):
+    head = "Counts per Force: 500000\nForce Units: lbf\ntime (s),z (mm),Fz"
+    path = written(tmp_path / "counts.csv", head, 0.01 * np.arange(600), -DEPTH, np.rint(1e5 * FORCE))
+    suggestion = suggest_csv(path, {})
+    assert suggestion.device["columns"]["force"] == {"column": "Fz", "unit": "lbf", "scale": 2e-6}
+    assert not suggestion.blanks
+    other = written(tmp_path / "newtons.csv", head, 0.01 * np.arange(600), -DEPTH, FORCE)
+    assert suggest_csv(other, {}).device["columns"]["force"]["unit"] == "N"
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [("時間,荷重,変位", "cp932"), ("Prüfzeit;Größe;µm °C", "cp1252"), ("Éléments déformés àéè", "cp1252")],
+)
+def test_an_encoding_is_found_by_the_bytes_of_its_letters(tmp_path, text, encoding):
+    (tmp_path / "text.csv").write_text(f"{text}\n1,2,3\n", encoding=encoding)
+    assert encoding_of(tmp_path / "text.csv") == encoding

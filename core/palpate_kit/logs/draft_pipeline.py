@@ -12,6 +12,7 @@ from typing import Any
 from palpate import LogError, PluginError, printable
 from palpate_engine import Registry, registry as registries
 from palpate_records.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
+from palpate_records.tables.binary_tables import is_binary_table, record_sheets
 
 _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 
@@ -20,13 +21,19 @@ _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 UNREAD = {
     ".xls": "save it as .xlsx",
     ".ods": "save it as .xlsx or .csv",
-    ".npz": "load it in Python: palpate.record(time=t, force=F, height=z)",
-    ".mat": "load it in Python (scipy.io.loadmat): palpate.record(time=t, force=F, height=z)",
     ".tdms": "export it as .csv, or load it in Python (nptdms)",
     ".bag": "a bag of ROS 1: convert it with rosbags-convert --src FILE.bag --dst FOLDER",
     ".itx": "export it from Igor as .ibw or .csv",
     ".nid": "export it from Nanosurf's program as text with time, height and force",
     ".spm": "export it from NanoScope as text with time, height and force",
+    ".pfc": "export its curves from NanoScope as text with time, height and force",
+    ".hld": "export it from TriboScan as text with time, depth and load",
+}
+
+# The same of files that may hold anything, and of which a folder makes no row.
+ARCHIVES = {
+    ".pkl": "a pickle may run code when it is read, so it never is; save the table as .csv, .npz or .parquet",
+    ".zip": "unpack it, and give the folder",
 }
 
 _REPLAY = "-replay"  # how the names of devices of palpate end that read logs
@@ -42,10 +49,14 @@ def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]
     if log.is_dir():
         asked = f"read its files one by one, or all of them: palpate fit {log} --tip 'sphere 3 mm'"
         raise LogError(f"{log}: is a folder, and no log; {asked}")
-    if (advice := UNREAD.get(log.suffix.lower())) is not None:
-        raise LogError(f"{log}: no device reads {log.suffix.lower()} files: {advice}")
-    names = ", ".join(sorted(name for name, _ in _readers(known)))
-    raise LogError(f"{log}: no device reads such a log (those that read logs: {names})")
+    if (advice := {**UNREAD, **ARCHIVES}.get(log.suffix.lower())) is not None:
+        raise LogError(f"{log}: {log.suffix.lower()} files are not read: {advice}")
+    if is_binary_table(log):
+        record_sheets(log)  # which says why it is not read
+    raise LogError(
+        f"{log}: is neither a text with rows of numbers in columns nor a log of a known format; export time, position "
+        "and force as .csv"
+    )
 
 
 def system_at(address: str) -> SystemSurvey | None:

@@ -116,8 +116,10 @@ class ContactEvidence:
 
 def contact_law(position: Floats, force: Floats) -> ContactEvidence:
     """Regress a column on a position and its rate."""
-    if len(position) < 20 * _NEAR or np.ptp(position) <= 0 or np.ptp(force) <= 0:
+    if len(position) < 2 or np.ptp(position) <= 0 or np.ptp(force) <= 0:
         return ContactEvidence(0.0, 0.0, 0.0)
+    if len(position) < 20 * _NEAR:  # too short for a bend and its error, not for the way in which both go
+        return ContactEvidence(0.0, 0.0, 0.0, float(np.corrcoef(position, force)[0, 1]))
     place, answer = position[_NEAR:-_NEAR], force[_NEAR:-_NEAR]
     rate = _slope(position, 1.0, _NEAR)
     place = (place - place.mean()) / max(float(place.std()), 1e-300)

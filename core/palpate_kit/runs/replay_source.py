@@ -15,6 +15,7 @@ from palpate_engine import Enclosure, Source, registry as registries
 from palpate_records.recording import LogAttachments, Recording, Suggestion
 
 from palpate_kit.logs.draft_pipeline import reader_of, recording_of
+from palpate_kit.runs.estimates_parquet import WHOLE
 from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 from palpate_kit.runs.shared_tips import name_tips
 
@@ -46,7 +47,7 @@ def log_in(path: Path) -> Path:
         return path
     known = registries.load()
     logs = [file for file in sorted(path.iterdir()) if file.is_file() and reader_of(file, known) is not None]
-    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are not logs
+    logs = [file for file in logs if file.suffix not in (".csv", WHOLE)]  # its tables of estimates are not logs
     if len(logs) != 1:
         found = ", ".join(file.name for file in logs) or "none"
         raise LogError(f"{path}: expected one log in a run folder ({found}); add a [sink.*] to the pipeline")

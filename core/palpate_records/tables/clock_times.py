@@ -10,27 +10,29 @@ from palpate import Floats
 CLOCK = "clock"  # the unit of a time of day
 _DAY = 86_400.0  # [s]
 _CLOCK = re.compile(
-    r"(?:\S+[ T])?(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?(?:\s*([AP])\.?M\.?)?(?:Z|[+-]\d\d:?\d\d)?", re.I
+    r"(?:(?P<days>\d+) days? |\S+[ T])?(?P<hours>\d{1,2}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}(?:[.,:]\d+)?))?"
+    r"(?:\s*(?P<half>[AP])\.?M\.?)?(?:Z|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
 )
 _NOON = 12  # [h]
 
 
 def seconds_of_day(cell: str) -> float:
-    """The time of day in a cell [s], with or without a date before it; raises ValueError.
+    """The time of day in a cell [s], with or without a date before it, or a duration with its days; raises ValueError.
 
-    >>> seconds_of_day("2024-05-01 12:00:00,25"), seconds_of_day("1:02 PM")
-    (43200.25, 46920.0)
+    >>> seconds_of_day("2024-05-01 12:00:00,25"), seconds_of_day("1:02 PM"), seconds_of_day("1 days 00:00:01.5")
+    (43200.25, 46920.0, 86401.5)
     """
     match = _CLOCK.fullmatch(cell.strip())
     if match is None:
         raise ValueError(cell)
-    hours, minutes = int(match[1]), int(match[2])
-    seconds = float(re.sub("[,:]", ".", match[3])) if match[3] else 0.0
-    if match[4]:
-        hours = hours % _NOON + (_NOON if match[4].upper() == "P" else 0)
+    hours, minutes = int(match["hours"]), int(match["minutes"])
+    seconds = float(re.sub("[,:]", ".", match["seconds"])) if match["seconds"] else 0.0
+    if match["half"]:
+        hours = hours % _NOON + (_NOON if match["half"].upper() == "P" else 0)
     if hours > 24 or minutes > 59 or seconds >= 61:
         raise ValueError(cell)
-    return 3600.0 * hours + 60.0 * minutes + seconds
+    return _DAY * int(match["days"] or 0) + 3600.0 * hours + 60.0 * minutes + seconds
 
 
 def seconds_or_nan(cell: str) -> float:

@@ -11,25 +11,25 @@ EXACT = {
 WORDS = {
     "force": (
         "force forces load kraft standardkraft prüfkraft prufkraft gewicht weight kuvvet carga fuerza forza charge "
-        "kracht fz fn fnormal loadcell ft wrench"
+        "kracht fz fn fnormal loadcell ft wrench 荷重 試験力 力 载荷"
     ),
     "position": (
         "position pos pose height depth displacement disp extension stroke travel distance crosshead indentation "
         "penetration piezo z weg standardweg traverse traversenweg hub höhe tiefe eindringtiefe verformung deformation "
-        "uzama déplacement desplazamiento spostamento compression zpos"
+        "uzama déplacement desplazamiento spostamento compression zpos 変位 ストローク 深さ 位移"
     ),
     "velocity": "velocity vel speed geschwindigkeit vz zdot dzdt",
-    "time": "time timestamp stamp zeit prüfzeit prufzeit testzeit temps tiempo tempo süre zaman elapsed",
+    "time": "time timestamp stamp zeit prüfzeit prufzeit testzeit temps tiempo tempo süre zaman elapsed 時間 时间",
     "other": (
         "stress strain temperature torque moment energy index cycle cycles count points scan current humidity area "
         "cantilever spannung dehnung temperatur sample segment status mode orientation rotation acceleration "
-        "width gripper finger fingers jaw aperture"
+        "width gripper finger fingers jaw aperture std stdev sd error errors uncertainty variance 応力 ひずみ 温度"
     ),
 }
 # What is a length or force only where a unit says so, as that of a linear joint does.
 _ANGULAR = (
     "joint joints j q qd dq ddq theta phi psi angle angles angular winkel gelenk roll pitch yaw rx ry rz tau torques "
-    "moments effort efforts drehmoment couple tx ty tz mx my mz temp"
+    "moments effort efforts drehmoment couple tx ty tz mx my mz temp qx qy qz qw quat quaternion"
 )
 _CARTESIAN = "tcp tool tip ee eef flange pose cartesian"  # what makes an element of an array one of a place
 _QUALIFIERS = "raw filtered filt mean avg median smooth corrected corr tared net abs actual meas n"

@@ -12,11 +12,15 @@ from palpate import Floats, LogError, to_si
 
 from palpate_records.messages.readings import si_unit
 from palpate_records.tables.clock_times import CLOCK
-from palpate_records.tables.csv_names import begins_as_time, role_by_words, stamp_parts
+from palpate_records.tables.csv_names import begins_as_time, role_by_words, stamp_parts, stated_role
 from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.tables.rules import Sureness, rule
 
 RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
+_MIN_SECONDS = 3  # that begin within a record, for its rows to be counted
+_MIN_SHARE = 3  # rows that share a second; of two that are alike one was written twice
+_UNEVEN = 0.1  # of the rows in a second, by which the next may have more or fewer
+_OTHER_ROLES = ("force", "position", "velocity")  # of columns that are not the time, however evenly they grow
 _ALIKE = 0.2  # share of the rows with the stamp of the row before, above which a clock is too coarse
 
 
@@ -29,6 +33,7 @@ class TimeColumn:
     reason: str = ""
     column: int | None = None
     sure: bool = True
+    note: str = ""  # what a person must know of it
 
 
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int] = ()) -> TimeColumn | None:
@@ -38,7 +43,7 @@ def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Se
     every reading of one that has gaps, or runs at another rate.
     """
     found = _clock_column(sheet, values, choices, taken)
-    if "rate" in choices and not (found is not None and _advances(found.seconds)):
+    if "rate" in choices and not (found is not None and "time" in found.setting and _advances(found.seconds)):
         try:
             rate = to_si(choices["rate"], "Hz")
         except ValueError as error:
@@ -121,7 +126,8 @@ def cells_of_clock(search: _ClockSearch) -> Sequence[int]:
 @rule("numbers that grow evenly, and do not count the rows", "the time", Sureness.GUESS)
 def even_growth(search: _ClockSearch) -> Sequence[int]:
     """Return columns that nothing but their numbers makes a time."""
-    free = [k for k in range(len(search.sheet.names)) if k not in search.taken]
+    names = search.sheet.names
+    free = [k for k in range(len(names)) if k not in search.taken and stated_role(names[k]) not in _OTHER_ROLES]
     return [k for k in free if _ticks(search.values[:, k])]
 
 
@@ -154,10 +160,10 @@ def _time_in_two_columns(search: _ClockSearch) -> TimeColumn:
 
 
 def _time_of_day(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | None:
-    """Return the time of a column of times of day; None for whole seconds, which say nothing of what is between."""
+    """Return the time of a column of times of day; None for ones that stand still."""
     steps = _steps(search.values[:, k])
     if np.mean(steps == 0) > _ALIKE:
-        return None
+        return _even_seconds(search.sheet, k, search.values[:, k])
     rate = f"{1.0 / float(np.mean(steps[steps > 0])):.4g} Hz" if (steps > 0).any() else "one row"
     setting = {"time": {"column": search.sheet.column(k), "unit": CLOCK}}
     return TimeColumn(search.values[:, k], setting, f"time of day: {rate}", k)
@@ -168,12 +174,33 @@ def _time_in_unit(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | 
     sheet, steps = search.sheet, _steps(search.values[:, k])
     usual = float(np.median(steps)) if len(steps) else 0.0
     unit = sheet.unit(k) or next((u for u in ("s", "ms", "us", "ns") if usual > 0 and _plausible(usual, u)), None)
+    if unit is None and is_named:
+        return _even_seconds(sheet, k, search.values[:, k])
     if unit is None or si_unit(unit)[0] != "s":
         return None
     seconds = search.values[:, k] * si_unit(unit)[1]
+    if is_named and (even := _even_seconds(search.sheet, k, seconds)) is not None:
+        return even
     reason = f"taken as {unit}: {1.0 / (usual * si_unit(unit)[1]):.4g} Hz" if usual > 0 else f"in {unit}"
     is_sure = is_named or sheet.unit(k) is not None
     return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, is_sure)
+
+
+def _even_seconds(sheet: Sheet, k: int, seconds: Floats) -> TimeColumn | None:
+    """Return the time of rows (n,) that share whole seconds, as evenly as they do; None for any other time."""
+    if not np.isfinite(seconds).all():
+        return None
+    begins = np.flatnonzero(np.diff(seconds)) + 1  # rows with which a second begins
+    if len(begins) < _MIN_SECONDS or (seconds % 1.0).any() or (seconds[begins] - seconds[begins - 1] != 1.0).any():
+        return None
+    counts = np.diff(begins)
+    usual = float(np.median(counts))
+    ends = max(begins[0], len(seconds) - begins[-1])
+    if usual < _MIN_SHARE or np.ptp(counts) > max(2.0, _UNEVEN * usual) or ends > usual + max(2.0, _UNEVEN * usual):
+        return None
+    rate = float(f"{(begins[-1] - begins[0]) / (len(begins) - 1):.6g}")
+    note = f"time: column {sheet.column(k)} has whole seconds; its {rate:g} rows in a second are taken as even"
+    return TimeColumn(np.arange(len(seconds)) / rate, {"rate": f"{rate:g} Hz"}, f"{rate:g} Hz", k, note=note)
 
 
 def _steps(values: Floats) -> Floats:

@@ -37,6 +37,7 @@ _ALIASES = {
     '"': "in",
 }
 _BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Force, N", "Force in N"
+_AFTER_SPACE = {"N", "mN", "kN", "uN", "µN", "nN", "kgf", "gf", "lbf", "mm", "um", "µm", "nm", "ms", "sec", "mm/s"}
 _SPLIT = re.compile(r"(.*?)(nano|n)?secs?(?:ond|onds)?", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"[\[(][^\])]*[\])]?")
 _WORD = re.compile(r"[^\W\d_]+")
@@ -197,7 +198,7 @@ def begins_as_time(name: str) -> bool:
 
 
 def unit_text(name: str) -> str:
-    """What stands in the last brackets of a name, or behind its last ``_``, ``/``, comma or "in"; empty for none."""
+    """Return the text in the last brackets of a name, or behind its last ``_``, ``/``, comma, "in" or space, or ""."""
     name = name.strip()
     if name[-1:] in ("]", ")"):
         begin = max(name.rfind("["), name.rfind("("))
@@ -208,7 +209,11 @@ def unit_text(name: str) -> str:
         if len(name) > len(unit) + 1 and len(unit) <= _UNIT and (is_unit(usable) or unit in READINGS):
             return usable
     behind = list(_BEHIND.finditer(name))
-    return behind[-1][1] if behind and behind[-1].end() == len(name) else ""
+    if behind and behind[-1].end() == len(name):
+        return behind[-1][1]
+    stem, _, last = name.rpartition(" ")
+    has_role = any(BY_WORD.get(word, "other") != "other" for word in words_of(stem))  # "Force N", and not "Cycle N"
+    return last if last in _AFTER_SPACE and has_role else ""
 
 
 def plain_unit(text: str) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from palpate import Floats, LogError, printable
 
 from palpate_records.messages.readings import si_unit
+from palpate_records.tables.binary_tables import is_binary_table
 from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
@@ -24,7 +25,6 @@ from palpate_records.tables.footer import is_event, without_footer
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
-from palpate_records.tables.workbook import WORKBOOKS
 
 KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
 _BLOCK = 4096  # rows at once
@@ -60,7 +60,7 @@ class Sheet:
             lines = first_lines(file, path, int(given.get("header", 0)))
         if not any(line.strip() for line in lines):
             raise LogError(f"{path}: the file is empty")
-        dialect = dialect_of(lines) if path.suffix.lower() not in WORKBOOKS else Dialect("\t")
+        dialect = Dialect("\t") if is_binary_table(path) else dialect_of(lines)
         dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
         layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
         rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from palpate_records.tables.workbook import WORKBOOKS
+from palpate_records.tables.binary_tables import is_binary_table
 
 _TAIL = 1 << 16  # [bytes] that are looked into
 _LINES = 100  # before the last one, of which none is as short by chance: one table in a hundred, where digits vary
@@ -18,7 +18,7 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
     Digits of the exponent, else behind the point, else of whole numbers: of a number that was cut, those that matter
     are the first to go. Tables written by hand often have no last end of line; a file that was packed is whole.
     """
-    if path.suffix.lower() in (".gz", *WORKBOOKS):
+    if path.suffix.lower() == ".gz" or is_binary_table(path):
         return None
     with path.open("rb") as file:
         size = file.seek(0, 2)

@@ -198,14 +198,19 @@ def heading_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     text = text.lstrip().removeprefix(mark).lstrip(mark).lstrip(" ") if mark else text
     cells = [cell.strip().lstrip("\ufeff") for cell in next(dialect.rows([text]), [])]
     if dialect.delimiter != " " and len(cells) != width:
-        spaced = _spaced(text)
+        spaced = _spaced(text, width)
         if mark and len(cells) == 1 and len(spaced) == width:
             return spaced
-    return _spaced(text) if dialect.delimiter == " " and len(cells) != width else cells
+    return _spaced(text, width) if dialect.delimiter == " " and len(cells) != width else cells
 
 
-def _spaced(text: str) -> list[str]:
-    """Return names between spaces, to which a unit in brackets belongs."""
+def _spaced(text: str, width: int) -> list[str]:
+    """Return names between spaces, to which a unit in brackets belongs; those that are as many as the columns."""
     by_gap = re.split(r"\s{2,}|\t", text.strip())
     joined = re.sub(r"\s+([\[(])", r"\1", text.strip()).split()
+    by_unit = re.split(r"(?<=[\])])\s+", text.strip())  # "Height (m) Vertical Deflection (N)"
+    if len(joined) != width:
+        for names in (by_gap, by_unit):
+            if len(names) == width > 1:
+                return names
     return by_gap if len(by_gap) > 1 and len(by_gap) >= len(joined) else joined

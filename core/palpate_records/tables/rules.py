@@ -52,7 +52,7 @@ def rule(
 
 def decision(rules: Sequence[Rule[Evidence, Decision | None]], evidence: Evidence) -> Decision | None:
     """Return what the surest rule that applies decides, of equally sure ones the first; None if none applies."""
-    for one in sorted(rules, key=lambda one: -one.sureness):
-        if (result := one(evidence)) is not None:
+    for candidate in sorted(rules, key=lambda candidate: -candidate.sureness):
+        if (result := candidate(evidence)) is not None:
             return result
     return None

@@ -16,6 +16,7 @@ from typing import IO
 from palpate import LogError, printable, suggest
 
 from palpate_records.messages.readings import si_unit
+from palpate_records.tables.binary_tables import is_binary_table, record_sheets
 from palpate_records.tables.cells import number
 from palpate_records.tables.csv_names import exact_role, role_by_words, unit_of, words_of
 from palpate_records.tables.csv_sheet import Sheet
@@ -23,7 +24,6 @@ from palpate_records.tables.plain_numbers import whole_lines
 from palpate_records.tables.table_pages import continued_pages
 from palpate_records.tables.table_record import TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
-from palpate_records.tables.workbook import WORKBOOKS, record_sheets
 
 RECORD = "record"  # what names one of them among the keys that can be stated
 _NAME = 40  # characters of a record's name
@@ -107,7 +107,7 @@ def _sheet_at(path: Path, stated: tuple[tuple[str, str], ...], changed: int, siz
 def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size: int) -> tuple[TableRecord, ...]:
     given = dict(stated)
     found: list[TableRecord] = []
-    if path.name.lower().endswith(WORKBOOKS) and "sheet" not in given:
+    if is_binary_table(path) and "sheet" not in given:
         sheets = record_sheets(path)
         for sheet in sheets if len(sheets) > 1 else ():
             inner = _in_table(path, {**given, "sheet": sheet})

@@ -16,22 +16,25 @@ from palpate import LogError
 
 from palpate_records.decompression import DAMAGED
 from palpate_records.log_files import regular
-from palpate_records.tables.workbook import WORKBOOKS, workbook_text
+from palpate_records.tables.binary_tables import binary_table_text, is_binary_table
+from palpate_records.tables.workbook import WORKBOOKS
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", *WORKBOOKS)
 # Texts and copies that hold no record, though they may have rows of numbers.
 NO_RECORDS = (
-    ".toml", ".json", ".yaml", ".yml", ".xml", ".html", ".md", ".rst", ".tex", ".py", ".ipynb", ".m", ".c", ".h",
+    ".toml", ".yaml", ".yml", ".xml", ".html", ".md", ".rst", ".tex", ".py", ".ipynb", ".m", ".c", ".h",
     ".svg", ".obj", ".stl", ".ply", ".off", ".gcode", "~", ".bak", ".old", ".orig", ".tmp", ".part",
 )  # fmt: skip
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _PROBE = 1 << 17  # [bytes] by which the encoding is found
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+# Two characters of Shift-JIS whose first bytes are kana or usual kanji: rare signs in Windows-1252.
+_JAPANESE = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 _NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 
 
 def encoding_of(path: Path) -> str:
-    """By the mark of byte order, UTF-8 where the text is that, else Windows-1252."""
+    """By the mark of byte order, UTF-8 where the text is that, Shift-JIS for Japanese, else Windows-1252."""
     opener = gzip.open if path.suffix.lower() == ".gz" else open
     with opener(path, "rb") as file:
         head = file.read(_PROBE)
@@ -41,22 +44,29 @@ def encoding_of(path: Path) -> str:
     for odd, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
         if len(head) > 8 and not any(head[odd:200:2]) and all(head[1 - odd : 200 : 2]):
             return encoding
+    if _is_text(head, "utf-8"):
+        return "utf-8"
+    if _JAPANESE.search(head) and _is_text(head, "cp932"):
+        return "cp932"
+    is_western = _is_text(head, "cp1252") and not _NO_TEXT.search(head.decode("cp1252"))
+    return "cp1252" if is_western else "utf-8"  # which reports where it is not
+
+
+def _is_text(head: bytes, encoding: str) -> bool:
+    """Return True for bytes that are text in an encoding, but for a last character that is cut."""
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
+        codecs.getincrementaldecoder(encoding)().decode(head)
     except UnicodeDecodeError:
-        try:
-            return "utf-8" if _NO_TEXT.search(head.decode("cp1252")) else "cp1252"
-        except UnicodeDecodeError:
-            return "utf-8"  # which reports where it is not
-    return "utf-8"
+        return False
+    return True
 
 
 @contextmanager
 def open_text(path: Path, encoding: str | None = None, sheet: str | None = None) -> Iterator[IO[str]]:
     """The text of a file, plain, gzipped or a workbook; raises LogError where it cannot be read."""
     regular(path)
-    if path.suffix.lower() in WORKBOOKS:
-        yield io.StringIO(workbook_text(path, sheet), newline="")
+    if is_binary_table(path):
+        yield io.StringIO(binary_table_text(path, sheet), newline="")
         return
     try:
         found = encoding or encoding_of(path)

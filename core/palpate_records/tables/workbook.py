@@ -28,7 +28,7 @@ def workbook_text(path: Path, sheet: str | None) -> str:
     return _text(path, sheet, about.st_mtime_ns, about.st_size)
 
 
-def record_sheets(path: Path) -> list[str]:
+def sheets_with_numbers(path: Path) -> list[str]:
     """Names of a workbook's sheets with rows of numbers; raises LogError."""
     with _opened(path) as book:
         return [sheet.title for sheet in _numbered(book)]

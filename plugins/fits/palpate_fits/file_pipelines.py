@@ -60,8 +60,12 @@ class FileGroups:
         if self.read:
             return
         name, error = next(iter(self.refused.items()))
-        others = f" ({len(self.refused) - 1} more files cannot be read either)" if len(self.refused) > 1 else ""
-        raise ConfigurationError(f"{name}: {error}{others}")
+        count = len(self.refused) - 1
+        file = name.rpartition(":")[0]
+        is_one_file = bool(file) and all(place.startswith(f"{file}:") for place in self.refused)
+        sources = "parts of the file" if is_one_file else "files"
+        remainder = f" ({count} more {sources} cannot be read either)" if count else ""
+        raise ConfigurationError(f"{name}: {error}{remainder}")
 
 
 @dataclass

@@ -31,7 +31,7 @@ from pydantic import Field
 
 from palpate_logs.curve_export import is_exported_curve
 
-SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5")
+SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw")
 _SECOND = 1e9  # [ns]
 _BLOCK = 4096  # readings in one batch
 _AIR = 0.3  # of the way down whose mean is the tare
@@ -235,6 +235,8 @@ def _curves(path: Path) -> list[_AfmCurve]:
     except (LogError, KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # of a parser, for files that are damaged; its own derive from nothing narrower
+        if type(error).__name__ == "FileFormatNotSupportedError":
+            raise LogError(f"{path}: is not a force curve that afmformats knows: export it as text") from error
         raise LogError(f"{path}: cannot be read as a force curve: {type(error).__name__}: {error}") from error
     if not found:
         raise LogError(f"{path}: contains no force curve")

@@ -20,7 +20,7 @@ from palpate_logs.curve_export import is_exported_curve
 
 
 class CsvReplay(CsvSettings):
-    """A table of numbers, plain, gzipped or a workbook, as a device: its columns are channels of one stream.
+    """A table of numbers, a text, a workbook or arrays, as a device: its columns are channels of one stream.
 
     Time comes from a column, or from a rate. Columns are counted, or named by the header, the line of names above the
     first row of numbers; what is above it, and comments, are left out. A cell that is empty or not finite counts as an
@@ -36,7 +36,7 @@ class CsvReplay(CsvSettings):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """A file that is named like a table of numbers, and a text of any ending that is one."""
+        """A file that is named like a table of numbers, and a file of any other ending that is one."""
         name = path.name.lower()
         if not path.is_file() or name.endswith(SUFFIXES):
             return path.is_file()
@@ -68,7 +68,7 @@ class CsvReplay(CsvSettings):
 
 
 def _is_table(path: Path) -> bool:
-    """Return True for a text with rows of numbers in several columns."""
+    """Return True for a file with rows of numbers in several columns."""
     try:
         return not is_exported_curve(path) and len(Sheet.of(path).names) > 1
     except (LogError, OSError):

@@ -18,9 +18,10 @@ from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_records.tables.table_records import RECORD, sheet_of
 
 from palpate_logs.csv_beam import deflections
-from palpate_logs.csv_units import units_of
+from palpate_logs.csv_units import counts_of_header, units_of
 from palpate_logs.role_rules import column_roles
-from palpate_logs.suggestion_rules import SUGGESTION_RULES, TableDraft
+from palpate_logs.suggestion_rules import SUGGESTION_RULES
+from palpate_logs.table_draft import TableDraft
 
 _MAX_ROWS = 400_000  # that are looked into
 _MAX_NAMES = 6  # columns of another quantity that are named
@@ -67,6 +68,7 @@ def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
     units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
     sheet = replace(sheet, own_units=units) if units else sheet
     values = together(sheet.blocks(), _MAX_ROWS)
+    sheet = replace(sheet, own_units={**counts_of_header(sheet, values), **sheet.own_units})
     taken = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
     clock = clock_of(sheet, values, choices, taken)
     if clock is not None and not (timed := np.isfinite(clock.seconds)).all():
@@ -93,7 +95,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         guesses={f"columns.{role}.unit": text for role, text in draft.unit_guesses.items()},
         rivals={role: columns for role, columns in rivals.items() if role not in confirmed},
         facts=tuple((fact.line, fact.name, fact.value) for fact in facts_worth_stating(draft.sheet.facts)),
-        has_time=draft.clock is not None and draft.clock.column is not None,
+        has_time=draft.clock is not None and "time" in draft.clock.setting,
     )
 
 
@@ -115,7 +117,7 @@ def _draft(path: Path, choices: Mapping[str, str]) -> TableDraft:
         raise LogError(f"{path}: {_missing_roles(sheet, series, chosen)}")
     units, guesses = units_of(roles, sheet, clock is not None, tip_of(choices))
     device = {"type": "csv-replay", "file": str(path)}
-    return TableDraft(path, choices, sheet, looked.values, clock, roles, bends, units, guesses, device)
+    return TableDraft(path, choices, sheet, looked.values, clock, series, roles, bends, units, guesses, device)
 
 
 def _missing_roles(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> str:

@@ -54,7 +54,9 @@ class Tally:
 class CsvSettings(Recording):
     """Keys, channels and provenance of a table of numbers."""
 
-    file: File = Field(description="the log, .csv, .tsv, .txt, .csv.gz or .xlsx, relative to the pipeline file")
+    file: File = Field(
+        description="the log, a text, .gz, .xlsx, .npz, .mat, .h5, .parquet or .json, relative to the pipeline file"
+    )
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
     rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column is the time")
     time: TimeOfRows | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")

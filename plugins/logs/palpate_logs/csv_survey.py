@@ -76,7 +76,8 @@ def tables_csv(path: Path, notes: list[str] | None = None) -> Iterator[tuple[str
     sheet, clock = looked.sheet, looked.clock
     if clock is None or clock.column is None:
         raise LogError(f"{path}: no column is the time (there are: {sheet.columns})")
-    unit = str(clock.setting["time"]["unit"])
+    unit = CLOCK if clock.column in sheet.layout.clocks else sheet.unit(clock.column) or "s"
+    unit = str(clock.setting["time"]["unit"]) if "time" in clock.setting else unit
     scale = 1.0 if unit == CLOCK else si_unit(unit)[1]
     untimed = 0
     for block in sheet.blocks():

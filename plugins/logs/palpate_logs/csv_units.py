@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
-from palpate import Indenter
+from palpate import Floats, Indenter
 from palpate_kit.logs.role_evidence import span_of
 from palpate_kit.logs.role_guess import Pick, RoleGuess
 from palpate_kit.logs.suggestion import force_unit, length_unit
 from palpate_records.messages.readings import si_unit
-from palpate_records.tables.csv_names import stated_role, weight_of
+from palpate_records.tables.cells import number_or_nan
+from palpate_records.tables.csv_names import is_unit, plain_unit, stated_role, weight_of
 from palpate_records.tables.csv_sheet import Sheet
 
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
 _SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and counts are scaled to
+_COUNTS_PER_FORCE = re.compile(r"counts? ?(?:per|/) ?(?:unit )?(?:force|n|newton)|cpf")
+_FORCE_UNIT = re.compile(r"(?:force unit|unit of force|unit force)s?")
 _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
 
 
@@ -51,6 +56,18 @@ def units_of(
     if "velocity" in picks and "velocity" not in units:
         units["velocity"], guesses["velocity"] = _speed_unit(found, units["position"], clocked)
     return units, guesses
+
+
+def counts_of_header(sheet: Sheet, values: Floats) -> dict[str, str]:
+    """Return the units of forces that a file has in counts, by column, as "1e-06 N"; by a line as Counts per Force."""
+    stated = {fact.name.strip().lower(): fact.value for fact in sheet.facts}
+    counts = next((number_or_nan(stated[name]) for name in stated if _COUNTS_PER_FORCE.fullmatch(name)), float("nan"))
+    unit = next((plain_unit(stated[name]) for name in stated if _FORCE_UNIT.fullmatch(name)), "N")
+    if not counts > 0.0 or not is_unit(unit):
+        return {}
+    forces = [k for k, name in enumerate(sheet.names) if stated_role(name) == "force"]
+    whole = [k for k in forces if not (values[np.isfinite(values[:, k]), k] % 1.0).any()]
+    return {sheet.names[k]: f"{1.0 / counts:.10g} {unit}" for k in whole}
 
 
 def needs_scale(sheet: Sheet, pick: Pick, role: str) -> bool:

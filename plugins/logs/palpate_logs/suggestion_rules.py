@@ -1,30 +1,22 @@
-"""Rules for the tables that read a file: each states one thing of them, and what a person must know of it."""
+"""Rules for the tables that read a file: each states one thing of them."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LogError
-from palpate_kit.logs.role_guess import NumberColumn, RoleGuess
+from palpate import LogError
 from palpate_kit.logs.suggestion import POSITION_OF
 from palpate_records.messages.readings import si_unit
-from palpate_records.tables.csv_clock import RATES, TimeColumn
-from palpate_records.tables.csv_layout import facts_worth_stating
-from palpate_records.tables.csv_names import is_depth, is_of_retraction
-from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text
-from palpate_records.tables.footer import event_words, footer_words
+from palpate_records.tables.csv_clock import RATES
+from palpate_records.tables.csv_names import is_depth
+from palpate_records.tables.csv_sheet import column_text
 from palpate_records.tables.rules import Sureness, rule
-from palpate_records.tables.table_records import RECORD, records_note
 
 from palpate_logs.csv_beam import stiffness_of, which_of_both
 from palpate_logs.csv_pose import places_of, with_axes
-from palpate_logs.csv_units import needs_scale
+from palpate_logs.note_rules import NOTE_RULES
+from palpate_logs.table_draft import TableDraft
 
 # Rates [Hz] that loggers have, and by how much one that follows from the numbers may miss them.
 _LOGGER_RATES = (
@@ -32,48 +24,6 @@ _LOGGER_RATES = (
     *(1000, 1200, 1500, 2000, 2500, 4000, 5000),
 )
 _RATE_TOLERANCE = 0.05
-
-
-@dataclass
-class TableDraft:
-    """A file, the roles of its columns, and the tables and words that the rules make of them."""
-
-    path: Path
-    choices: Mapping[str, str]
-    sheet: Sheet
-    values: Floats  # (n, columns)
-    clock: TimeColumn | None
-    roles: RoleGuess
-    bends: Sequence[NumberColumn]  # lengths by which a beam yields
-    units: Mapping[str, str]  # by role
-    unit_guesses: Mapping[str, str]  # what is said of those that are guesses
-    device: dict[str, Any] = field(default_factory=dict)
-    alignment: dict[str, Any] = field(default_factory=dict)
-    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    rate: float | None = None  # [Hz] where no column is the time
-    reasons: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
-    blanks: list[str] = field(default_factory=list)
-    hints: list[str] = field(default_factory=list)
-
-    def index(self, role: str) -> int:
-        """The column of a role."""
-        return int(self.roles.picks[role].series.key[1])
-
-    @cached_property
-    def unscaled(self) -> set[str]:
-        """Roles of which only a person knows how much one number is."""
-        return {role for role, pick in self.roles.picks.items() if needs_scale(self.sheet, pick, role)}
-
-    @cached_property
-    def factors(self) -> dict[str, float]:
-        """What one number of a role is in SI."""
-        return {role: si_unit(unit)[1] * self.sheet.scale(self.index(role)) for role, unit in self.units.items()}
-
-    @property
-    def words(self) -> dict[str, Sequence[str]]:
-        """Reasons, doubts, blanks and hints."""
-        return {"reasons": self.reasons, "doubts": self.doubts, "blanks": self.blanks, "hints": self.hints}
 
 
 @rule("ranges of columns without a unit", "the likeliest units", Sureness.GUESS)
@@ -90,6 +40,7 @@ def time_of_rows(draft: TableDraft) -> None:
         return
     draft.device |= clock.setting
     draft.reasons += [f"time: {clock.reason}"] if clock.reason else []
+    draft.doubts += [clock.note] if clock.note else []
     if not clock.sure:
         column = f"column {column_text(draft.sheet.column(clock.column or 0))}"
         draft.doubts.append(f"time: {column} is a guess: it grows evenly ({clock.reason}); --time sets it")
@@ -157,49 +108,6 @@ def _chosen_scale(draft: TableDraft, key: str) -> float | str:
         raise LogError(f"{draft.path}: {key} = {draft.choices[key]!r}: expected a number") from error
 
 
-@rule("names that differ by a number only", "which of several presses is read", Sureness.GUESS)
-def other_trials(draft: TableDraft) -> None:
-    """State columns that serve as well as those of a role: several presses in one table."""
-    for role, pick in draft.roles.picks.items():
-        indices = [int(series.key[1]) for series in (pick.series, *pick.others)]
-        stems = [re.sub(r"\d+", "", draft.sheet.names[k]) for k in indices]
-        alike = sorted(draft.sheet.names[k] for k, stem in zip(indices, stems, strict=True) if stem == stems[0])
-        if draft.sheet.header and len(alike) > 1 and "chosen" not in pick.why:
-            draft.rivals[role] = tuple(alike)
-            draft.doubts.append(f"{role}: {alike[0]} and {', '.join(alike[1:])} can be it")
-
-
-@rule("words such as retract", "that the way back is left out", Sureness.WORD)
-def retraction(draft: TableDraft) -> None:
-    """State the columns of the way back."""
-    back = [name for name in draft.sheet.names if is_of_retraction(name)]
-    if back:
-        draft.reasons.append(f"left out: {', '.join(map(column_text, back))}: the way back, next to the way in")
-
-
-@rule("lines of words between and below the rows", "events, and where the table ends", Sureness.STATED)
-def lines_of_words(draft: TableDraft) -> None:
-    """State what is passed over."""
-    sheet = draft.sheet
-    draft.doubts += [event_words(sheet.events)] if sheet.events else []
-    draft.doubts += [footer_words(sheet.footer)] if sheet.footer else []
-
-
-@rule("other records of the file", "that one of several is read", Sureness.STATED)
-def other_records(draft: TableDraft) -> None:
-    """State the names of the records where none is chosen."""
-    stated = {key: draft.choices[key] for key in (*KEYS, RECORD) if key in draft.choices}
-    note = records_note(draft.path, stated)
-    draft.doubts += [note] if note is not None else []
-
-
-@rule("lines above the names", "values of the experiment, which a person may state", Sureness.STATED)
-def stated_values(draft: TableDraft) -> None:
-    """State what the file says of the experiment."""
-    facts = facts_worth_stating(draft.sheet.facts)
-    draft.hints += [f"line {fact.line} states: {fact.name}: {fact.value}" for fact in facts]
-
-
 @rule("columns x and y of a record", "its place along the skin", Sureness.STATED)
 def place_of_record(draft: TableDraft) -> None:
     """State where along the skin a record is."""
@@ -233,11 +141,7 @@ SUGGESTION_RULES = (
     rate_of_rows,
     writing,
     channels,
-    other_trials,
-    retraction,
-    lines_of_words,
-    other_records,
-    stated_values,
+    *NOTE_RULES,
     beam,
     place_of_record,
 )

@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 
 from palpate import LogError
+from palpate_records.tables.binary_tables import is_binary_table
 from palpate_records.tables.cells import number
 from palpate_records.tables.dialect import Dialect, dialect_of
 from palpate_records.tables.table_text import bounded_lines, open_text
-from palpate_records.tables.workbook import WORKBOOKS
 
 _LARGEST = 50_000_000  # characters
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -70,7 +70,7 @@ def read_text(path: Path) -> InstrumentText:
                 raise LogError(f"{path}: is not an instrument's table as text: export it from the instrument's program")
     if not any(line.strip() for line in raw):
         raise LogError(f"{path}: is empty")
-    dialect = Dialect("\t") if path.suffix.lower() in WORKBOOKS else dialect_of([line for line in raw if line.strip()])
+    dialect = Dialect("\t") if is_binary_table(path) else dialect_of([line for line in raw if line.strip()])
     if dialect.delimiter == " ":
         raw = [line.replace("\t", " ") for line in raw]  # tabs between names above spaces between numbers
     cells = [tuple(cell.strip() for cell in next(dialect.rows([line]), [])) for line in raw]

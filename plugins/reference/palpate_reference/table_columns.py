@@ -13,6 +13,7 @@ from palpate import Floats, LogError, is_unit, suggest, to_si
 from palpate_reference.instrument_text import InstrumentText
 from palpate_reference.table_blocks import TableBlock
 
+_LONGEST_NAME = 200  # characters of a name that may have a unit
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 _UNIT_NAMED = re.compile(r"\s+in\s+(\S+)$")  # as RheoWin writes it
 _UNIT_IN_NAME = re.compile(r"_(per_)?(Pa|kPa|MPa|Hz|s|m)$")
@@ -102,6 +103,8 @@ def name_and_unit(head: str) -> tuple[str, str]:
     (('omega', 'rad/s'), ('tan(delta)', ''))
     """
     head = head.strip()
+    if len(head) > _LONGEST_NAME:  # the patterns below take the square of the time of a name's length
+        return head, ""
     if match := _UNIT_IN_NAME.search(head):
         return head[: match.start()].replace("_", " "), f"1/{match[2]}" if match[1] else match[2]
     if (match := _UNIT_NAMED.search(head)) and (is_unit(match[1]) or match[1].startswith("°")):
