@@ -8,18 +8,18 @@ from typing import Any
 from palpate_arms.arm_driver import ArmReading
 
 _POSE = 6  # numbers: a place [m] and a rotation vector [rad]; speeds and a wrench have as many
+_FIELDS = "joints", "joint_speeds", "pose", "twist", "wrench", "status"
+_OPTIONAL = "pose", "twist"
 
 
 def reading_problem(reading: Any, joints: int, status: int) -> str | None:
     """Return which field of a state is not as it is to be, of an arm with so many joints and channels of status."""
     if not isinstance(reading, ArmReading):
         return f"its driver's `read` returned {_kind(reading)}; expected an ArmReading, or None where no state is new"
-    expected = {"joints": joints, "joint_speeds": joints, "pose": _POSE, "twist": _POSE, "wrench": _POSE}
-    absent = [field for field in ("pose", "twist") if getattr(reading, field) is None]
-    for field, count in {**expected, "status": status}.items():
-        if field in absent:
-            continue
+    for field, count in zip(_FIELDS, (joints, joints, _POSE, _POSE, _POSE, status), strict=True):
         values = getattr(reading, field)
+        if values is None and field in _OPTIONAL:
+            continue
         try:
             if len(values) != count:
                 return f"its driver's `read` gives {len(values)} numbers in `{field}`; expected {count}"

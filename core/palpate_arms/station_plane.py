@@ -44,9 +44,11 @@ class StationPlane:
 
     def off_tool(self, rotation: Floats, work: WorkFrame) -> float:
         """Angle [rad] between the normal and a tool (3, 3) in the base."""
-        out = -(work.matrix[:3, :3].T @ rotation[:, 2])
-        across = np.cross(out, self.normal)
-        return math.atan2(math.sqrt(float(across @ across)), float(out @ self.normal))
+        a, b, c = (-(work.matrix[:3, :3].T @ rotation[:, 2])).tolist()
+        x, y, z = self.normal.tolist()
+        # By plain floats: numpy's cross product is a twentieth of a period of the servo loop.
+        across = math.hypot(b * z - c * y, c * x - a * z, a * y - b * x)
+        return math.atan2(across, a * x + b * y + c * z)
 
     def off_turn(self, turn: Floats, work: WorkFrame) -> float:
         """Angle [rad] between a turn (3,) of the tool, in its frame, and that which is shortest to the normal."""

@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
 from palpate import Floats
 from palpate_kit.protocols.ur_dashboard import RTDE
 
@@ -72,9 +71,9 @@ class Echo:
             return 0.0
         first, *others = self._commands
         if any(command.sent <= now - self._usual + _NOW for command in others):
-            return float(np.linalg.norm(self._commands[-1].place - first.place))
+            return math.dist(self._commands[-1].place.tolist(), first.place.tolist())
         taken = next((command for command in reversed(others) if command.sent < now - _NOW), first)
-        return float(np.linalg.norm(self._commands[-1].place - taken.place))
+        return math.dist(self._commands[-1].place.tolist(), taken.place.tolist())
 
     def silence(self, now: float) -> float:
         """For how long [s] commands are on their way and none has arrived."""
