@@ -1,5 +1,6 @@
 """Five distributions as a laboratory writes them: a tip, a model, a filter, a sensor with its log, and a motion."""
 
+import csv
 import json
 import shutil
 import tomllib
@@ -137,7 +138,7 @@ def test_all_of_them_meet_in_one_run(palpate, site, point_pipeline, tmp_path):
 @pytest.mark.slow
 def test_the_log_of_the_gauge_is_read_by_every_command_at_once(palpate, site, log, tmp_path):
     environment, file = {"PYTHONPATH": site}, log()
-    assert "gauge" in palpate("info", file, **environment).stdout
+    assert {"(gauge)", "gauge:force"} <= set(palpate("info", file, **environment).stdout.split())
     words = ("fit", file, "--tip", "sphere 5 mm", "--json")
     done = palpate(*words, **environment)
     assert done.returncode == 0, done.stderr
@@ -146,10 +147,14 @@ def test_the_log_of_the_gauge_is_read_by_every_command_at_once(palpate, site, lo
     (tmp_path / "curves").mkdir()
     for k, elasticity in enumerate((50e3, 70e3)):
         shutil.move(log(f"{k}.gauge", elasticity), tmp_path / "curves")
-    folder = palpate("fit", tmp_path / "curves", "--tip", "sphere 5 mm", "--out", tmp_path / "fits", **environment)
+    folder = palpate("fit", tmp_path / "curves", "--tip", "paraboloid 5 mm", "--out", tmp_path / "fits", **environment)
     assert folder.returncode == 0, folder.stderr
-    rows = (tmp_path / "fits" / "fits.csv").read_text().splitlines()
-    assert len(rows) >= 3
+    rows = list(csv.DictReader((tmp_path / "fits" / "fits.csv").read_text().splitlines()))
+    stiffness = {row["curve"].rpartition("/")[2]: float(row["elasticity"]) for row in rows}
+    assert stiffness == {"0.gauge": pytest.approx(50e3, rel=0.02), "1.gauge": pytest.approx(70e3, rel=0.02)}
+    pipeline = tomllib.loads((tmp_path / "fits" / "pipeline.toml").read_text())
+    assert pipeline["device"]["log"]["type"] == "palpate-gauge:gauge-log"
+    assert pipeline["run"]["distributions"] == ["palpate-gauge 1.0"]
     out = palpate("log", "export", file, "-o", tmp_path / "press.csv", **environment)
     assert out.returncode == 0, out.stderr
 

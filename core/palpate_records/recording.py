@@ -127,6 +127,11 @@ class Recording(Device, ABC):
         """Whether a file or folder looks like a log of this format."""
 
     @classmethod
+    def is_last_resort(cls, path: Path) -> bool:
+        """Return True for a recognised file that any other reader which recognises it reads better."""
+        return False
+
+    @classmethod
     @abstractmethod
     def survey(cls, path: Path) -> Survey:
         """Contents of a log; raises LogError where it cannot be read."""

@@ -40,7 +40,7 @@ def each(take: Callable[[str, Batch], None]) -> Take:
 
 
 @contextmanager
-def connected(name: str, device: Device, seed: int) -> Iterator[Link]:
+def open_link(name: str, device: Device, seed: int) -> Iterator[Link]:
     """Connect a device for as long as the context; raises PluginError where its class returns anything but a link."""
     source = f"device {name}: {type(device).__name__}.connect"
     with context_of(device.connect(seed), source) as link:

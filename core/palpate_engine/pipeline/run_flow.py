@@ -8,7 +8,7 @@ from palpate.device import Arm, is_live
 from palpate.trajectory import duration_of
 
 from palpate_engine.pipeline.approach import check_force_control
-from palpate_engine.pipeline.arrivals import connected, merge_batches
+from palpate_engine.pipeline.arrivals import merge_batches, open_link
 from palpate_engine.pipeline.flow import Flow
 from palpate_engine.pipeline.planned_motion import check_recorded_motion, single_trajectory
 
@@ -26,7 +26,7 @@ def run_flow(flow: Flow) -> None:
 def _run_read(flow: Flow) -> None:
     rig = flow.rig
     with ExitStack() as stack:
-        links = {name: stack.enter_context(connected(name, d, rig.run.seed)) for name, d in rig.devices.items()}
+        links = {name: stack.enter_context(open_link(name, d, rig.run.seed)) for name, d in rig.devices.items()}
         arms = [link for link in links.values() if isinstance(link, Arm)]
         if arms:
             trajectory = single_trajectory(rig)

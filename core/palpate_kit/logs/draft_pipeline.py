@@ -69,8 +69,17 @@ def system_at(address: str) -> SystemSurvey | None:
 
 
 def reader_of(log: Path, registry: Registry) -> type[Recording] | None:
-    """Return the device that reads logs of this format; None where none does."""
-    return next((reader for _, reader in _readers(registry) if reader.recognises(log)), None)
+    """Return the device that reads logs of this format; None where none does.
+
+    Of several the first, palpate's own before others; a reader of last resort where no other recognises the log.
+    """
+    last_resort: type[Recording] | None = None
+    for _, reader in _readers(registry):
+        if reader.recognises(log):
+            if not reader.is_last_resort(log):
+                return reader
+            last_resort = last_resort or reader
+    return last_resort
 
 
 def _readers(registry: Registry) -> Iterator[tuple[str, type[Recording]]]:

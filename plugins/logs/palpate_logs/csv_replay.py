@@ -43,6 +43,11 @@ class CsvReplay(CsvSettings):
         return not name.startswith(".") and not name.endswith(NO_RECORDS) and _is_table(path)
 
     @classmethod
+    def is_last_resort(cls, path: Path) -> bool:
+        """See `Recording`: a text that is not named like a table may be of a format that a third party reads."""
+        return not path.name.lower().endswith(SUFFIXES)
+
+    @classmethod
     def records(cls, path: Path, choices: Mapping[str, str]) -> tuple[str, ...]:
         """See `Recording`."""
         stated = {key: choices[key] for key in KEYS if key in choices}

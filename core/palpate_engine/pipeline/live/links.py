@@ -13,7 +13,7 @@ from palpate.device import Arm, Batch, Device, Link, SeparateReceiver
 from palpate.errors import DeviceError
 from palpate.vectors import read_only
 
-from palpate_engine.pipeline.arrivals import connected, declared_batches
+from palpate_engine.pipeline.arrivals import declared_batches, open_link
 from palpate_engine.pipeline.live.guard import Guard
 from palpate_engine.pipeline.rig import Rig
 
@@ -143,7 +143,7 @@ def _joined(batches: list[Batch]) -> Batch:
 
 def connect_devices(rig: Rig, stack: ExitStack) -> dict[str, Link]:
     """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
-    contexts = {name: connected(name, device, rig.run.seed) for name, device in rig.devices.items()}
+    contexts = {name: open_link(name, device, rig.run.seed) for name, device in rig.devices.items()}
     links: dict[str, Link] = {}
     failures: dict[str, BaseException] = {}
 
