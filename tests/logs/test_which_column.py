@@ -80,3 +80,15 @@ def test_forces_in_counts_have_the_scale_of_the_head(tmp_path):
 def test_an_encoding_is_found_by_the_bytes_of_its_letters(tmp_path, text, encoding):
     (tmp_path / "text.csv").write_text(f"{text}\n1,2,3\n", encoding=encoding)
     assert encoding_of(tmp_path / "text.csv") == encoding
+
+
+@pytest.mark.parametrize(("name", "has_note"), [("fx_N", False), ("force_estimate_N", True), ("load_N", True)])
+def test_another_axis_of_the_force_is_no_other_force(tmp_path, name, has_note):
+    random = np.random.default_rng(0)
+    noise = 0.01 * random.standard_normal((2, 600))
+    path = written(
+        tmp_path / "axes.csv", f"time_s,z_mm,fz_N,{name}", 0.01 * np.arange(600), -DEPTH, FORCE + noise[0], noise[1]
+    )
+    suggestion = suggest_csv(path, {})
+    assert suggestion.device["columns"]["force"]["column"] == "fz_N"
+    assert any(f"not column {name}" in doubt for doubt in suggestion.doubts) is has_note

@@ -22,15 +22,17 @@ from palpate_logs.table_draft import TableDraft
 def other_forces(draft: TableDraft) -> None:
     """State a force that is not taken, by its noise over that of the one that is."""
     force = draft.roles.picks["force"].series
-    rivals = [
-        column for column in draft.series if column.role == "force" and column.key != force.key and does_move(column)
-    ]
+    forces = [column for column in draft.series if column.role == "force" and column.key != force.key]
+    rivals = [column for column in forces if does_move(column) and not _is_other_axis(column.label, force.label)]
     if force.role != "force" or not rivals or "force" in {*draft.choices, *draft.rivals}:
         return
     rival = min(rivals, key=lambda column: roughness(column.values[np.isfinite(column.values)]))
     rival_noise, noise = (noise_of(column.values[np.isfinite(column.values)]) for column in (rival, force))
     ratio = f", whose noise is {rival_noise / noise:.2g} times as large" if noise > 0.0 and rival_noise > 0.0 else ""
     draft.doubts.append(f"force: {force.label} is taken, not {rival.label}{ratio}; --force sets it")
+
+
+_AXES = {*"xyzXYZ012"}
 
 
 @rule("names that differ by a number only", "which of several presses is read", Sureness.GUESS)
@@ -43,6 +45,12 @@ def other_trials(draft: TableDraft) -> None:
         if draft.sheet.header and len(alike) > 1 and "chosen" not in pick.why:
             draft.rivals[role] = tuple(alike)
             draft.doubts.append(f"{role}: {alike[0]} and {', '.join(alike[1:])} can be it")
+
+
+def _is_other_axis(name: str, other: str) -> bool:
+    """Return True for names that differ in the letter or number of an axis alone, as "fx_N" and "fz_N"."""
+    differences = [{a, b} for a, b in zip(name, other) if a != b]
+    return len(name) == len(other) and len(differences) == 1 and differences[0] <= _AXES
 
 
 @rule("words such as retract", "that the way back is left out", Sureness.WORD)
