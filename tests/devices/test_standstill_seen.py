@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import signal
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from palpate import UnstoppedArmError, clock
 from palpate_engine import RestWindow
 from palpate_simulation.twins.program import Program
 
+from tests.command import signals_of_a_terminal
 from tests.devices.software_arms import NAME, unlike
 
 EMERGENCY = "PRESS THE EMERGENCY STOP"
@@ -74,6 +76,27 @@ def test_a_driver_that_ignores_stop_is_called_out_while_it_moves(run_software_ar
     assert 1.7 < test.stops[-1] - first < 2.1
     reason = json.loads((tmp_path / "out" / "result.json").read_text())["run"]["live"]["stop"]["reason"]
     assert EMERGENCY in reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_arm_that_does_not_stand_has_its_exit_code_before_that_of_a_signal(run_software_arm, software, number):
+    """The signal is what stops the run: it would be 130 or 143."""
+    test, sent = Disobedient(software.SoftwareArm), []
+
+    class Interrupted(test.arm):
+        def advance(self):
+            super().advance()
+            if getattr(self, "astray", False) and not sent:
+                sent.append(clock().now())
+                signal.raise_signal(number)
+
+    with signals_of_a_terminal():
+        error, calls = run_software_arm(Interrupted)
+    assert sent
+    assert isinstance(error, UnstoppedArmError)
+    assert error.exit_code == 3
+    assert calls[0][1].startswith(EMERGENCY)
 
 
 @pytest.mark.slow
