@@ -347,7 +347,7 @@ def test_the_tips_place_comes_along_or_is_unknown():
     samples = aligner.samples(final=True)
     assert len(samples) > 980
     assert samples.lateral[:, 1] == pytest.approx(0.004 * samples.stamp / 1e9, abs=1e-12)
-    assert np.isnan(samples.lateral[:, 0]).all()
+    assert (samples.lateral[:, 0] == 0.0).all()  # of a line one coordinate is enough
     assert samples[10:20].lateral.shape == (10, 2)
     plain, _ = aligned(record())
     assert plain.lateral.shape == (len(plain), 2)

@@ -305,13 +305,13 @@ W = 10.0 / 2.3548 * 1e-3  # of lumps 10 mm wide at half their height
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)])
-def test_two_lumps_that_are_joined_are_told_as_one_that_may_be_two(seed, way):
+def test_two_lumps_without_background_between_them_are_two(seed, way):
     """14 mm apart, of 30 %: no site between them is of the background."""
     apart = 7e-3 * np.array(way)
     found = find_lumps(area(np.random.default_rng(seed), [(*apart, W, 0.3), (*-apart, W, 0.3)]))
-    (lump,) = found.lumps
-    assert lump.may_be_two
-    assert "may be two" in found.warning
+    places = sorted((lump.place for lump in found.lumps), key=lambda place: float(np.dot(place, way)))
+    assert places == [pytest.approx(place, abs=1.5e-3) for place in (-apart, apart)]
+    assert not any(lump.may_be_two for lump in found.lumps)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -110,7 +110,8 @@ class Aligner:
         self._counts["velocity"] += int(np.count_nonzero(np.isnan(velocity)))
         time = (stamps - (self._origin or 0)) / _SECOND
         contact = np.zeros(len(stamps), bool)
-        unknown = np.full(len(stamps), np.nan)
+        # Of a sweep one coordinate is enough: the other one stays at 0.
+        unknown = np.full(len(stamps), 0.0 if any(role in self._roles for role in _LATERAL) else np.nan)
         lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
         motion = force, signals.height[:count], velocity, contact, measuring
         return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)

@@ -47,6 +47,8 @@ Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: colum
 
 def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
+    if "lateral" in choices:
+        raise LogError(f"{path}: --lateral is for tables; of topics, name lateral_x and lateral_y in [alignment]")
     if "time" in choices:
         raise LogError(f"{path}: --time is for CSV files; its messages have times of their own")
     looked, spans = _looked(container)

@@ -22,6 +22,7 @@ from palpate_fits.fit_request import (
     GroupsOption,
     JobsOption,
     JsonOption,
+    LateralOption,
     ModelOption,
     NoRefitOption,
     OutOption,
@@ -43,6 +44,7 @@ def fit(
     model: ModelOption = None,
     force: ForceOption = None,
     position: PositionOption = None,
+    lateral: LateralOption = None,
     time: TimeOption = None,
     rate: RateOption = None,
     out: OutOption = None,
@@ -66,7 +68,7 @@ def fit(
     A folder that --each or --tip has made is continued: what has changed since is fitted again. There, --set, --tip
     and --model change the settings of all curves, and --set with --where those of some.
     """
-    roles = {"force": force, "position": position, "time": time, "rate": rate}
+    roles = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
     choices = {role: text for role, text in roles.items() if text is not None}
     _fit(
         FitRequest(

@@ -30,6 +30,10 @@ ModelOption = Annotated[
 ForceOption = Annotated[str | None, typer.Option(help="With --tip: the column of the force.")]
 PositionOption = Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")]
 TimeOption = Annotated[str | None, typer.Option(help="With --tip: the column of the time.")]
+LateralOption = Annotated[
+    str | None,
+    typer.Option(metavar="COLUMN[,COLUMN]", help="With --tip: the place along the skin, or its x and y."),
+]
 RateOption = Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')]
 OutOption = Annotated[
     Path | None,

@@ -18,6 +18,7 @@ from palpate_records.tables.csv_sheet import KEYS, Sheet, column_text, together
 from palpate_records.tables.table_records import RECORD, sheet_of
 
 from palpate_logs.csv_beam import deflections
+from palpate_logs.csv_lateral import LATERAL
 from palpate_logs.csv_units import counts_of_header, units_of
 from palpate_logs.role_rules import column_roles
 from palpate_logs.suggestion_rules import SUGGESTION_RULES
@@ -101,7 +102,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
 
 def _draft(path: Path, choices: Mapping[str, str]) -> TableDraft:
     """Return a file with the roles and units of its columns; raises LogError."""
-    known = [*ROLES, "time", "rate", RECORD, POSITION_OF, *KEYS]
+    known = [*ROLES, LATERAL, "time", "rate", RECORD, POSITION_OF, *KEYS]
     for key in choices:
         if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
             raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")

@@ -14,6 +14,7 @@ from palpate_records.tables.csv_sheet import column_text
 from palpate_records.tables.rules import Sureness, rule
 
 from palpate_logs.csv_beam import stiffness_of, which_of_both
+from palpate_logs.csv_lateral import LATERAL, lateral_columns
 from palpate_logs.csv_pose import places_of, with_axes
 from palpate_logs.note_rules import NOTE_RULES
 from palpate_logs.table_draft import TableDraft
@@ -116,6 +117,18 @@ def place_of_record(draft: TableDraft) -> None:
     draft.alignment |= {f"lateral_{name}": f"log.{name}" for name in places}
 
 
+@rule("columns x and y, or elements of a pose, that move", "the place of a sweep along the skin", Sureness.WORD)
+def place_of_sweep(draft: TableDraft) -> None:
+    """State the columns of the tip's place along the skin; ask for one that only moves like it."""
+    if draft.sheet.record is not None:
+        return
+    picks = {role: draft.index(role) for role in draft.roles.picks}
+    lateral = lateral_columns(draft.sheet, draft.values, picks, draft.units["position"], draft.choices.get(LATERAL))
+    draft.device["columns"] |= lateral.columns
+    draft.alignment |= {f"lateral_{axis}": f"log.{axis}" for axis in lateral.columns}
+    draft.doubts += [*lateral.doubts, *lateral.hints]
+
+
 @rule(
     "a length over which the force is one constant", "a beam behind the tip, and the stage behind that", Sureness.GUESS
 )
@@ -144,4 +157,5 @@ SUGGESTION_RULES = (
     *NOTE_RULES,
     beam,
     place_of_record,
+    place_of_sweep,
 )

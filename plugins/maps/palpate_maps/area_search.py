@@ -13,14 +13,15 @@ from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.grid_cells import Cells, grid_steps, thinned
 from palpate_maps.hidden_patches import REACH, Hiding, Patch, hidden_patches
-from palpate_maps.lumps import FEWEST, find_lumps
+from palpate_maps.lump_criteria import FEWEST
+from palpate_maps.lumps import find_lumps
 from palpate_maps.next_places import Aim, Knowledge, Proposal, passes
 from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
 from palpate_maps.search_area import Area
 from palpate_maps.search_motion import SearchMotion
 from palpate_maps.search_progress import CHECKS, SUSPICIOUS, LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, merge_sites
-from palpate_maps.stiffness_field import near
+from palpate_maps.stiffness_field import distances, near
 from palpate_maps.surface_map import arc_warning
 
 _SITE_WIDTH = 4e-3  # [m] of a sweep's site, and between places: that of `LumpSettings`
@@ -212,9 +213,12 @@ class AreaSearch:
 
     @property
     def _tops(self) -> Floats:
-        """Highest places (n, k) [m] of all lumps."""
+        """Highest places (n, k) [m] of all lumps; of one whose middle lies outside of the area, the nearest in it."""
         lumps = [item.lump for item in self.lumps]
-        return self.area.lift(np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2))
+        tops = self.area.lift(np.array([lump.highest or lump.place for lump in lumps]).reshape(-1, 2))
+        apart = distances(tops, self.area.nodes)
+        is_outside = apart.min(axis=1, initial=np.inf) > self._node_distance
+        return np.where(is_outside[:, None], self.area.nodes[np.argmin(apart, axis=1)], tops)
 
     def _doubtful_places(self, known: Knowledge) -> Floats:
         """Places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""

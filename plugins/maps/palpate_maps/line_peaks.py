@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from palpate import Floats, LogError
 
-from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
-from palpate_maps.lump_power import sweep_power
-from palpate_maps.sites import Sites
+from palpate_maps.body_field import Body, SiteField, fit_bodies
+from palpate_maps.lump_criteria import FWHM, Findings, Lump, LumpSettings
+from palpate_maps.lump_power import sweep_exclusion, sweep_power
+from palpate_maps.sites import Sites, merge_sites, site_numbers
 
 STEP = 2.5e-4  # [m] between points of a sweep's curve: 16 in a site's width, a choice
 _MIN_WIDTHS = 3  # site widths in a sweep: a lump and a valley on both sides
 _BACKGROUND_QUANTILE = 0.25  # of the curve: its lower quartile, since lumps lie above the background only
 _MIN_ROOMS = 2.0  # sites in a sweep: a peak and a valley
+_WINDOW = 1.5  # extents of a peak to either side, whose sites say how well its body is placed: a choice
 _TINY = 1e-300  # least sum of weights: far from all sites the curve does not divide by 0
 
 
@@ -34,6 +36,11 @@ class LineCurve:
         line, *_ = np.linalg.lstsq(design, self.sites.place, rcond=None)
         x, y = np.array([1.0, along]) @ line
         return float(x), float(y)
+
+    @property
+    def direction(self) -> Floats:
+        """(2,) change of the place with the coordinate along the line."""
+        return np.subtract(self.place(1.0), self.place(0.0))
 
     def findings(self, lumps: list[Lump], method: str) -> Findings:
         """The lumps that were found along it."""
@@ -74,10 +81,36 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
         p = min(1.0, pairs * 2 * float(stats.norm.sf(peak.height / peak.std)))
         if p <= settings.rate:
             contrast = float(np.expm1(peak.height))
-            lumps.append(Lump(curve.place(peak.middle), (peak.extent, 0.0), contrast, peak.std, p, peak.middle))
+            body = _body_of(curve, peak, settings.width)
+            lumps.append(replace(body, place=curve.place(peak.middle), contrast=contrast, contrast_std=peak.std, p=p))
     # The power is that of a difference of two points of median noise.
-    power = sweep_power(float(np.median(curve.noise)) * np.sqrt(2.0), length, settings)
-    return replace(curve.findings(lumps, "prominence along the sweep"), power=power)
+    std = float(np.median(curve.noise)) * np.sqrt(2.0)
+    power, excluded = sweep_power(std, length, settings), sweep_exclusion(std, length, settings)
+    return replace(curve.findings(lumps, "prominence along the sweep"), power=power, excluded=excluded)
+
+
+def _body_of(curve: LineCurve, peak: _Peak, width: float) -> Lump:
+    """Return the lump of a peak with the standard deviations of its place and extent, of a body fitted to its sites.
+
+    The sites are those of the curve's width about it, up to a width of the peak beyond its flanks.
+    """
+    coarse, number = merge_sites(curve.sites, width), site_numbers(curve.sites, width)
+    field = SiteField(curve.along[:, None], number, coarse.log)
+    window = np.abs(field.middle[:, 0] - peak.middle) <= _WINDOW * max(peak.extent, width)
+    start = Body.at(np.array([peak.middle]), float(np.expm1(peak.height)), np.eye(1), peak.extent / FWHM)
+    fit = fit_bodies(field.chosen(window), [start], float(np.median(curve.noise)))
+    place_variance, _, width_variance = np.diag(fit.covariance)[1:].tolist()
+    along = curve.direction * float(np.sqrt(place_variance))
+    return Lump(
+        (0.0, 0.0),
+        (peak.extent, 0.0),
+        contrast=0.0,
+        contrast_std=0.0,
+        p=1.0,
+        along=peak.middle,
+        place_std=(float(abs(along[0])), float(abs(along[1]))),
+        width_std=float(np.sqrt(width_variance)),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 from palpate import Floats
 
 # A lump of one small body is some 10 mm wide, the width of the contact; both limits are choices, and give a warning.
 _LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
 _LONG_OVER_WIDE = 1.5  # beyond which a wider lump is not round
+
+FEWEST = 8  # sites; fewer have no surroundings: a choice
 
 SweepMethod = Literal["prominence", "cusum"]
 
@@ -23,6 +26,7 @@ class LumpSettings:
     spread: float = 0.005  # standard deviation of the stiffness between sites that is always assumed, relative
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
     method: SweepMethod = "prominence"  # along a sweep
+    contact_radius: float | None = None  # [m] of the tip, whose blur a body's own size is without; None: not known
 
 
 @dataclass(frozen=True)
@@ -39,17 +43,40 @@ class Lump:
     highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
     height: float | None = None  # [m] z of its middle, on a surface
     axes: tuple[float, float] = (0.0, 0.0)  # [m] extent along its longest direction, and across it; of an area
+    place_std: tuple[float, float] | None = None  # [m] of its middle; None where no body was fitted
+    width_std: float | None = None  # relative, of its extents
+    size: tuple[float, float] | None = None  # [m] own width without the tip's blur, and its standard deviation
+    bodies: int = 1  # that it was fitted by; more that no dip parts may be several
 
     @property
     def may_be_two(self) -> bool:
-        """True where it is longer than one body as wide as it is would be."""
+        """True where several bodies that no dip parts explain it, or it is longer than one body as wide would be."""
         long, wide = self.axes
-        return long > max(_LONG, _LONG_OVER_WIDE * wide)
+        return self.bodies > 1 or long > max(_LONG, _LONG_OVER_WIDE * wide)
+
+
+# A tip feels the mean over its contact of radius a: by the pressure of Hertz, sqrt(1 - r^2/a^2), its variance along an
+# axis is a^2/5, with even weights a^2/4. The middle is taken; its uncertainty is a choice, for a depth that varies.
+_BLUR_VARIANCE = (1 / 5 + 1 / 4) / 2  # of a^2
+_BLUR_STD = 0.2  # relative, of the blur's standard deviation
+FWHM = 2.3548  # full width at half of the height over the standard deviation of a Gaussian: 2 sqrt(2 log 2)
+
+
+def size_without_tip(width: float, width_std: float, contact_radius: float) -> tuple[float, float] | None:
+    """Return the width [m] of a body without the blur of a contact [m], and its standard deviation; None below it.
+
+    Variances of Gaussians add: w^2 = w_body^2 + w_tip^2. The blur by the depth of the body remains in it.
+    """
+    blur = FWHM * np.sqrt(_BLUR_VARIANCE) * contact_radius
+    if width <= blur:
+        return None
+    size = float(np.sqrt(width**2 - blur**2))
+    return size, float(np.hypot(width * width_std, _BLUR_STD * blur**2) / size)
 
 
 @dataclass(frozen=True)
 class LumpPower:
-    """The weakest lump of a width that a sweep shows with a probability."""
+    """The weakest lump of a width that an exam shows with a probability."""
 
     contrast: float
     width: float  # [m] at half its height
@@ -66,13 +93,20 @@ class Findings:
     method: str
     coordinate: Floats | None = None  # (m,) [m] along a sweep
     curve: Floats | None = None  # (m,) [SI] smoothed along it
-    power: LumpPower | None = None  # of a sweep, where it is known
+    power: LumpPower | None = None  # of a lump 10 mm wide, where it is known
+    excluded: tuple[LumpPower, ...] = ()  # by width, what would have been found at nearly all places
+    lags: str | None = None  # the track, where it does not follow the changes along its path
     several: float | None = None  # share of the sites that the background is, where they are not one population
 
     @property
     def warning(self) -> str | None:
-        """The doubts: a background that had to be chosen, and lumps that may be two; None without any."""
+        """The doubts: a track that lags, a background that was chosen, lumps that may be two; None without any."""
         doubts = []
+        if self.lags is not None:
+            doubts.append(
+                f"{self.lags} does not follow the changes along its path, as its verdict says (elsewhere): lumps are "
+                "doubtful, and none is excluded; use a filter that follows them, such as kinematic-smoother"
+            )
         if self.several is not None:
             doubts.append(
                 f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "

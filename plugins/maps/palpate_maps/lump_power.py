@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate_maps.lump_criteria import LumpPower, LumpSettings
+from palpate_maps.lump_criteria import FWHM, LumpPower, LumpSettings
 
+WIDTHS = (4e-3, 6e-3, 8e-3, 10e-3, 15e-3, 20e-3)  # [m] at half their height, of virtual lumps
+EXCLUDED_PROBABILITY = 0.95  # of finding what an exam excludes: a choice, as of a risk
+_MIN_WIDTHS = 3  # of a lump in a sweep: its own, and a valley on both sides
 PROBABILITY = 0.8  # of seeing that lump (decision 0283): a choice, as of a test's power
 WIDTH = 10e-3  # [m] at half its height, of the lumps that powers are of: about as narrow as the contact leaves one
-_WIDTH_OF_GAUSSIAN = 2.3548  # full width at half of the height over the standard deviation: 2 sqrt(2 log 2)
 
 
 def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:
@@ -23,6 +25,21 @@ def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:
     return max(float(np.log1p(settings.contrast)), std * float(stats.norm.isf(min(settings.rate / (2 * pairs), 0.5))))
 
 
+def sweep_exclusion(std: float, length: float, settings: LumpSettings) -> tuple[LumpPower, ...]:
+    """Return by width the contrast that a sweep finds with 0.95, away from its ends by a width and more.
+
+    Of lumps of the height that is found with 0.8, each noise more by the difference of the two normal quantiles.
+    """
+    from scipy import stats
+
+    more = float(stats.norm.ppf(EXCLUDED_PROBABILITY) - stats.norm.ppf(PROBABILITY))
+    return tuple(
+        LumpPower(_least_contrast(std, length, settings, width, more), width, EXCLUDED_PROBABILITY)
+        for width in WIDTHS
+        if length > _MIN_WIDTHS * width
+    )
+
+
 def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
     """The smallest relative height of a Gaussian lump that a sweep of `length` [m] finds with probability 0.8.
 
@@ -31,7 +48,12 @@ def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
     raises the highest point and lowers the valleys, by 0.6 to 1.8 standard deviations in all over 70 mm and by more
     over 150 mm: about what a probability of 0.8 needs, so that nothing is added for it.
     """
-    sigma = WIDTH / _WIDTH_OF_GAUSSIAN
+    return LumpPower(_least_contrast(std, length, settings, WIDTH, 0.0), WIDTH, PROBABILITY)
+
+
+def _least_contrast(std: float, length: float, settings: LumpSettings, width: float, more: float) -> float:
+    """Return the contrast of a lump of a width [m] whose peak exceeds the limit by so many standard deviations."""
+    sigma = width / FWHM
     smoothed = sigma / np.hypot(sigma, settings.width / np.sqrt(12))
-    height = peak_limit(std, max(length / settings.width, 2.0), settings) / smoothed
-    return LumpPower(float(np.expm1(height)), WIDTH, PROBABILITY)
+    limit = peak_limit(std, max(length / settings.width, 2.0), settings)
+    return float(np.expm1((limit + more * std) / smoothed))

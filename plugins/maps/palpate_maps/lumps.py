@@ -4,25 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-from palpate import Floats, LogError
+from palpate import LogError
 
-from palpate_maps.baseline_sites import Baseline, background_sites, discoveries, prediction_p
+from palpate_maps.area_lumps import lumps_of_area
 from palpate_maps.cusum import by_cusum
 from palpate_maps.line_peaks import by_prominence, curve_along
-from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
-from palpate_maps.sites import Sites, line_coordinate, merge_sites
-
-# Choices, judged by the lumps that are found on simulated layouts (decisions 0084 and 0282).
-FEWEST = 8  # sites; fewer have no surroundings
-_MIN_POINTS = 3  # point palpations of a lump that place it without the sweeps
-_STAY_TO_SWEEP = 5e-3  # [m] from a stay to the first site of the sweep that goes on from it: a site's width and a pitch
-_NEIGHBOURS = 4  # nearest sites: those of a square raster
-_REACH = 1.6  # distances of neighbours, or site widths, that are one step of a chain: more than the diagonal's 1.4
-_HALF_HEIGHT = 0.5  # of a lump: its extent is that of the sites above
-_BETWEEN = 0.499  # of the distance of two sites: radius of the circle about their middle, without the sites themselves
-_MARGIN = 1e-3  # [m] about the sites of a group, so that one of a single site has a size
+from palpate_maps.lump_criteria import FEWEST, Findings, LumpSettings
+from palpate_maps.sites import Sites, line_coordinate
 
 
 def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
@@ -37,112 +25,4 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     if along is not None and not sites.standing.all():
         curve = curve_along(sites, along, settings)
         return by_cusum(curve, settings) if settings.method == "cusum" else by_prominence(curve, settings)
-    return _lumps_of_area(sites, settings)
-
-
-def _lumps_of_area(sites: Sites, settings: LumpSettings) -> Findings:
-    """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
-    coarse = merge_sites(sites, settings.width)
-    baseline = background_sites(coarse, settings.spread, settings.width)
-    p = prediction_p(coarse.log, baseline)
-    # Significant, and high enough to be reported.
-    height = coarse.log - baseline.mean
-    stiff = discoveries(p, settings.rate) & (height >= np.log1p(settings.contrast))
-    reach = max(_reach(coarse.place), _REACH * settings.width)
-    lumps = [_lump_of(coarse, group, baseline, p) for group in clusters(coarse.place, stiff, reach)]
-    name = f"prediction interval of {baseline.count} baseline sites"
-    several = None if baseline.single else float(baseline.members.mean())
-    return Findings(tuple(lumps), float(np.exp(baseline.mean)), baseline.spread, name, several=several)
-
-
-def _reach(place: Floats) -> float:
-    """Distance [m] up to which sites are neighbours: 1.6 times that to the fourth nearest, in the median."""
-    from scipy.spatial import KDTree
-
-    distance, _ = KDTree(place).query(place, k=min(_NEIGHBOURS + 1, len(place)))
-    return _REACH * float(np.median(distance[:, -1]))
-
-
-def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
-    """Chosen sites joined where a chain of them has no step longer than `reach` [m], nor one past a site between.
-
-    A site that is not chosen is between two where it lies in the circle, or over a surface the ball, about their middle
-    (Gabriel and Sokal 1969).
-    """
-    others = place[~chosen]
-    remaining = set(np.flatnonzero(chosen).tolist())
-    groups = []
-    while remaining:
-        # A group grows from its first site until none of its ends has a neighbour.
-        group: list[int] = []
-        ends = [min(remaining)]
-        remaining.discard(ends[0])
-        while ends:
-            row = ends.pop()
-            group.append(row)
-            neighbours = [other for other in sorted(remaining) if _are_joined(place[row], place[other], others, reach)]
-            remaining.difference_update(neighbours)
-            ends += neighbours
-        groups.append(np.array(sorted(group)))
-    return groups
-
-
-def _are_joined(a: Floats, b: Floats, others: Floats, reach: float) -> bool:
-    """True where two places are within reach, and none of the others lies in the circle about their middle."""
-    distance = float(np.linalg.norm(b - a))
-    if distance > reach:
-        return False
-    return not bool((np.linalg.norm(others - (a + b) / 2, axis=1) < _BETWEEN * distance).any())
-
-
-def _visits(sites: Sites) -> NDArray[np.bool_]:
-    """(n,) point palpations that are not the stay from which a sweep continues."""
-    way = np.linalg.norm(np.diff(sites.place, axis=0), axis=1)
-    begins_sweep = np.r_[sites.standing[:-1] & ~sites.standing[1:] & (way < _STAY_TO_SWEEP), False]
-    return np.asarray(sites.standing & ~begins_sweep)
-
-
-def _lump_of(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) -> Lump:
-    """The lump of the sites in a group; neighbours that are raised by half its height belong to it, too.
-
-    Its extents are those of a uniform body with the variance of the weighted places: sqrt(12 variance).
-    """
-    height = sites.log - baseline.mean
-    peak = int(group[int(np.argmax(height[group]))])
-    body = _body(sites.place, height, group, peak)
-    points = _visits(sites)[body]
-    place, raised = sites.place[body], np.maximum(height[body], 0.0)
-    # Sweeps pass where they pass; points were put where it is stiff, so that enough of them place it alone.
-    weight = raised
-    if np.count_nonzero(points) >= _MIN_POINTS:
-        weight = np.where(points, raised**2, 0.0)
-    middle = weight @ place / weight.sum()
-    extent = np.sqrt(12 * (weight @ (place - middle) ** 2) / weight.sum())
-    return Lump(
-        (float(middle[0]), float(middle[1])),
-        (float(extent[0]), float(extent[1])),
-        contrast=float(np.expm1(height[peak])),
-        contrast_std=float(np.hypot(baseline.spread, sites.std[peak])),
-        p=float(p[group].min()),
-        checked=bool(points.any()),
-        highest=(float(sites.place[peak, 0]), float(sites.place[peak, 1])),
-        height=float(middle[2]) if len(middle) > 2 else None,
-        axes=_main_axes(place, raised),
-    )
-
-
-def _body(place: Floats, height: Floats, group: NDArray[np.intp], peak: int) -> NDArray[np.bool_]:
-    """(n,) the sites of a group, and those near its peak that are raised by half of the peak's height."""
-    size = float(np.ptp(place[group], axis=0).max()) + _MARGIN
-    near = np.linalg.norm(place - place[peak], axis=1) <= max(size, _reach(place))
-    body = near & (height >= _HALF_HEIGHT * height[peak])
-    body[group] = True
-    return np.asarray(body)
-
-
-def _main_axes(place: Floats, weight: Floats) -> tuple[float, float]:
-    """Extents [m] of weighted places (n, k) along their longest direction and across it, of a uniform body."""
-    offset = place - weight @ place / weight.sum()
-    variances = np.linalg.eigvalsh((weight[:, None] * offset).T @ offset / weight.sum())
-    *_, across, along = np.sqrt(12 * variances.clip(0.0)).tolist()
-    return along, across
+    return lumps_of_area(sites, settings)

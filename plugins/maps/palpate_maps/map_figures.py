@@ -16,6 +16,8 @@ from palpate_maps.lump_criteria import Findings, Lump
 from palpate_maps.map_grid import StiffnessMap
 from palpate_maps.sites import Sites
 
+_PLOT_HEIGHT = 0.8  # of a picture's height, between the title and the label of the x axis
+_SCALE_WIDTH = 0.5  # of a picture's height: a scale with its label, and the label of the y axis
 _HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
 
 
@@ -64,6 +66,11 @@ def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
     lowest, highest = place.min(axis=0) - half_cell, place.max(axis=0) + half_cell
     extent = [lowest[0], highest[0], lowest[1], highest[1]]
     shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
+    # As wide as the area and its scale.
+    width, height = (highest - lowest).tolist()
+    figure.set_figwidth(
+        min(figure.get_figwidth(), figure.get_figheight() * (_PLOT_HEIGHT * width / height + _SCALE_WIDTH))
+    )
     figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=7, markeredgewidth=1.5)
@@ -81,9 +88,12 @@ def _edges(axis: Floats) -> tuple[float, float]:
 def _mark_lumps(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
     for outline in outlines:
         axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
-    for lump in findings.lumps if findings else ():
-        x, y = lump.place
-        axis.plot(1e3 * x, 1e3 * y, "r+", markersize=7, markeredgewidth=1.5)
+    # Numbered in the order of the table of lumps, each with its p.
+    for number, lump in enumerate(findings.lumps if findings else (), 1):
+        x, y = (1e3 * coordinate for coordinate in lump.place)
+        axis.plot(x, y, "r+", markersize=7, markeredgewidth=1.5)
+        text = f"{number}: p {lump.p:.0e}"
+        axis.annotate(text, (x, y), (3, 3), textcoords="offset points", color="red", fontsize="x-small", clip_on=True)
 
 
 @style()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from palpate import Floats, OutputError
 from palpate_engine import bounded_text, write_whole
 
 from palpate_maps.hidden_patches import Hiding
-from palpate_maps.lump_criteria import Findings
+from palpate_maps.lump_criteria import Findings, LumpPower
 from palpate_maps.map_grid import StiffnessMap
 from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites
@@ -75,14 +76,18 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
         "background": findings.background,
         "spread": findings.spread,
         "warning": findings.warning,
-        "power": None if findings.power is None else vars(findings.power),
+        "power": None if findings.power is None else _power(findings.power),
+        "excluded": [_power(power) for power in findings.excluded],
         "lumps": [
             {
                 "x": lump.place[0],
                 "y": lump.place[1],
                 **({} if lump.height is None else {"z": lump.height}),
                 "highest": list(lump.highest or lump.place),
+                "place_std": None if lump.place_std is None else list(lump.place_std),
                 "extent": list(lump.extent),
+                "extent_std": None if lump.width_std is None else [lump.width_std * size for size in lump.extent],
+                "size": None if lump.size is None else {"value": lump.size[0], "std": lump.size[1]},
                 "may_be_two": lump.may_be_two,
                 "contrast": lump.contrast,
                 "contrast_std": lump.contrast_std,
@@ -92,6 +97,11 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
         ],
     }
     return json.dumps(table, indent=2, allow_nan=False) + "\n"
+
+
+def _power(power: LumpPower) -> dict[str, float | None]:
+    """Return the width, contrast and probability of a lump; no contrast where none would be found."""
+    return {**vars(power), "contrast": power.contrast if math.isfinite(power.contrast) else None}
 
 
 def free_name(folder: Path, name: str, table: str) -> str:

@@ -22,6 +22,7 @@ _CONTINUATION_KEYS = (
     "safety",
     "sink",
 )  # what a continuation may have otherwise
+_LAG_FLAG = "elsewhere"  # of a track whose estimator does not follow changes, where stretches of a path differ
 _BETWEEN_PARTS = 1.0  # [s] from the end of a part to the begin of the next in a joined path: a pause for `sites_along`
 
 
@@ -38,6 +39,7 @@ class Path2D:
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
     surface: Floats | None = None  # (n,) [m] as the estimator has it; None where not needed
     relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
+    lags: bool = False  # it does not follow the changes along the path, as its verdict says
     others: Mapping[str, str] = field(default_factory=dict)  # parts that are by another track, and by which
 
     @property
@@ -125,6 +127,7 @@ def join_paths(paths: Sequence[Path2D]) -> Path2D:
         float(np.mean([path.nis for path in paths])),
         np.concatenate([path.surface for path in paths if path.surface is not None]),
         main.relief_sensitivity,
+        lags=any(path.lags for path in paths),
     )
 
 
@@ -165,10 +168,12 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     if track is None or table is None:
         return None
     path = _path(part, table.track(track), track, parameter)
-    details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+    result = part.result["tracks"].get(track, {}) if part.finished else {}
     with open_table(part.path / RESULT, f"tracks.{track}.details.relief_sensitivity"):
-        sensitivity = float(details.get("relief_sensitivity", 0.0))
-    return replace(path, relief_sensitivity=sensitivity) if path is not None else None
+        sensitivity = float(result.get("details", {}).get("relief_sensitivity", 0.0))
+    with open_table(part.path / RESULT, f"tracks.{track}.flags"):
+        signs = [sign["code"] for flag in result.get("flags", ()) for sign in (flag, *flag.get("evidence", ()))]
+    return replace(path, relief_sensitivity=sensitivity, lags=_LAG_FLAG in signs) if path is not None else None
 
 
 def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_maps.lump_criteria import Findings, Lump
+from palpate_maps.lump_criteria import FWHM, Findings, Lump
 from palpate_maps.next_places import SETTLED, is_placed, lumps_apart, passes
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate
@@ -21,7 +21,6 @@ _RING = (
 )
 _DIRECTIONS = 8  # of that ring
 _MIN_RATIO = 1.5  # of a lump's contrast over the one down to which its flanks go, so that it has a footprint
-_WIDTH_OF_GAUSSIAN = 2.355  # full width at half of the height over the standard deviation: 2 sqrt(2 log 2)
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,7 @@ def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
 
     # The stiffest site of the lump, and a ring about it.
     distance = np.linalg.norm(sites.place - area.lift(np.array([lump.place])), axis=1)
-    rows = np.flatnonzero(distance <= max(*lump.extent, 2 * SETTLED))
-    if not len(rows):
-        return False, False
+    rows = np.flatnonzero(distance <= max(*lump.extent, 2 * SETTLED, float(distance.min()) + SETTLED))
     lateral = sites.place[:, :2]
     peak = lateral[rows[int(np.argmax(sites.log[rows]))]]
     angle = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
@@ -83,6 +80,6 @@ def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDAr
 
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """
-    wide = np.maximum(lump.extent, 2 * apart) / _WIDTH_OF_GAUSSIAN
+    wide = np.maximum(lump.extent, 2 * apart) / FWHM
     half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, _MIN_RATIO))) + apart
     return np.asarray((((places[:, :2] - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)

@@ -157,16 +157,7 @@ def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
 
 def merge_sites(sites: Sites, width: float) -> Sites:
     """Sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
-    gap = np.r_[0.0, np.linalg.norm(np.diff(sites.place, axis=0), axis=1)]
-    groups = np.zeros(len(sites), int)
-    way, group = 0.0, 0
-    for i in range(1, len(sites)):
-        way += float(gap[i])
-        # The next group after a width of the way, at a stay, or at a jump.
-        if way >= width - _ROUNDING or sites.standing[i] or sites.standing[i - 1] or gap[i] > width:
-            group += 1
-            way = 0.0
-        groups[i] = group
+    groups = site_numbers(sites, width)
     count = np.bincount(groups)
 
     def mean(values: Floats) -> Floats:
@@ -176,6 +167,21 @@ def merge_sites(sites: Sites, width: float) -> Sites:
     std = np.sqrt(mean(sites.std**2))
     standing = mean(sites.standing.astype(float)) > 0.5
     return Sites(place, mean(sites.log), std, mean(sites.time), standing, sites.kept, sites.relief)
+
+
+def site_numbers(sites: Sites, width: float) -> NDArray[np.intp]:
+    """Return the number (n,) of the joined site of a given width [m] that each site becomes part of."""
+    gap = np.r_[0.0, np.linalg.norm(np.diff(sites.place, axis=0), axis=1)]
+    groups = np.zeros(len(sites), np.intp)
+    way, group = 0.0, 0
+    for i in range(1, len(sites)):
+        way += float(gap[i])
+        # The next group after a width of the way, at a stay, or at a jump.
+        if way >= width - _ROUNDING or sites.standing[i] or sites.standing[i - 1] or gap[i] > width:
+            group += 1
+            way = 0.0
+        groups[i] = group
+    return groups
 
 
 def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:

@@ -37,6 +37,10 @@ def info(
     position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the position.")] = None,
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the velocity.")] = None,
     time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time in a CSV file.")] = None,
+    lateral: Annotated[
+        str | None,
+        typer.Option(metavar="COLUMN[,COLUMN]", help="Of a table: the place along the skin, or its x and y."),
+    ] = None,
     rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
     out: Annotated[
         Path | None,
@@ -54,6 +58,7 @@ def info(
         return
     if suggest or out is not None or picture is not None:
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
+        given["lateral"] = lateral
         choices = {role: text for role, text in given.items() if text is not None}
         if not choices and picture is None and (lines := file_suggestion(log)) is not None:
             _show_commands(log, lines, out, as_json)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
-from palpate import ConfigurationError, Floats, LogError
+from palpate import ConfigurationError, Floats, LogError, PalpateError
 from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import TrackOption
@@ -19,7 +20,7 @@ from palpate_maps.commands.curves_command import drop_rejected, unit_of
 from palpate_maps.commands.map_command import Parameter, Run, SurfaceName, length
 
 if TYPE_CHECKING:
-    from palpate_maps.map_analysis import Findings
+    from palpate_maps.map_analysis import Findings, Lump
 
 _SAME_PLACE = 2e-3  # [m]: palpations nearer to each other are one place: half of a site's width
 _MIN_GROUPS = {"prediction": (4, 1), "welch": (2, 2)}  # baseline and suspect sites, or repeats, of each test
@@ -45,14 +46,22 @@ def lumps(
         raise ConfigurationError("--rate must be between 0 and 1, --contrast not below 0")
     if method not in get_args(maps.SweepMethod):
         raise ConfigurationError(f'--method: {method!r} is not one of "prominence" and "cusum"')
-    settings = maps.LumpSettings(rate, contrast, width=length(width, "--width"), method=method)  # type: ignore[arg-type]
     drop_rejected([run])
     with progress(f"lumps of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
         sites, skin = maps.sites_along(path), maps.surface_of_run(run, surface)
         if skin is not None and (sites.standing.all() or maps.line_coordinate(sites) is None):
             sites = maps.sites_on(sites, skin)
+        settings = maps.LumpSettings(
+            rate,
+            contrast,
+            width=length(width, "--width"),
+            method=method,  # type: ignore[arg-type]
+            contact_radius=_contact_radius(run, path.track),
+        )
         findings = maps.find_lumps(sites, settings)
+        if path.lags:
+            findings = replace(findings, power=None, excluded=(), lags=path.track)
     text = map_files.lumps_json(findings, path)
     map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.source, unit_of(run, path.track, path.parameter)))
@@ -66,18 +75,66 @@ def _view(findings: Findings, source: str, unit: str) -> str:
 
     name, factor = display_unit(unit)
     head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"
-    lines = [head, "    x mm    y mm   extent mm   contrast %         p"] if findings.lumps else [head, "no lumps"]
-    for lump in findings.lumps:
-        extent = " x ".join(f"{1e3 * size:.1f}" for size in lump.extent if size > 0)
-        stiffer = f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"
-        x, y = (unsigned(f"{1e3 * coordinate:.1f}") for coordinate in lump.place)
-        lines.append(f"{x:>8}{y:>8}{extent:>12}{stiffer:>13}{lump.p:10.2g}")
-    if (power := findings.power) is not None:
+    columns = ("x mm", "y mm", "width mm", "contrast %", "own size mm")
+    titles = "  #" + "".join(f"{column:>13}" for column in columns) + f"{'p':>9}"
+    lines = [head, titles] if findings.lumps else [head, "no lumps"]
+    for number, lump in enumerate(findings.lumps, 1):
+        place_std = lump.place_std or (None, None)
+        cells = [_with_std(place, std) for place, std in zip(lump.place, place_std, strict=True)]
+        cells += [_width_text(lump), f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"]
+        cells += ["" if lump.size is None else _with_std(*lump.size)]
+        lines.append(f"{number:3d}" + "".join(f"{cell:>13}" for cell in cells) + f"{lump.p:9.2g}")
+    if (power := findings.power) is not None and findings.coordinate is not None:
         lines.append(
             f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "
             f"probability of {power.probability:g}"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, *_exclusion(findings)])
+
+
+def _exclusion(findings: Findings) -> list[str]:
+    """Return the lumps that the exam excludes, by width, as lines; none where that is not known."""
+    if not findings.excluded:
+        return []
+    where = (
+        "away from both ends by a width" if findings.coordinate is not None else "at 95 % of the places between sites"
+    )
+    lines = [f"excluded with a probability of {findings.excluded[0].probability:g}, {where}, besides these:"]
+    contrasts = [f"{100 * power.contrast:.2g}" if math.isfinite(power.contrast) else "-" for power in findings.excluded]
+    rows = {
+        "width mm": [f"{1e3 * power.width:.0f}" for power in findings.excluded],
+        "stiffer by % or more": contrasts,
+    }
+    return [*lines, *(f"  {name:<20}" + "".join(f"{cell:>8}" for cell in cells) for name, cells in rows.items())]
+
+
+def _with_std(size: float, std: float | None) -> str:
+    """Return a length with its standard deviation [m], where there is one, in mm."""
+    text = unsigned(f"{1e3 * size:.1f}")
+    return text if std is None else f"{text} ± {1e3 * std:.1f}"
+
+
+def _width_text(lump: Lump) -> str:
+    """Return the width of a round lump with its standard deviation, else its extents, in mm."""
+    sizes = [size for size in lump.extent if size > 0]
+    if len(set(sizes)) == 1:
+        return _with_std(sizes[0], None if lump.width_std is None else lump.width_std * sizes[0])
+    return " x ".join(_with_std(size, None) for size in sizes)
+
+
+def _contact_radius(run: Path, track: str) -> float | None:
+    """Return the radius [m] of the contact at the bias of the run's press; None where it has no such motion or tip."""
+    from palpate_kit.runs.continuation import recorded_pipeline
+
+    try:
+        pipeline = recorded_pipeline(run)
+    except PalpateError:
+        return None
+    tip = getattr(pipeline.models.get(track.split("/")[0]), "indenter", None)
+    depths = [
+        press.bias for motion in pipeline.trajectories.values() if (press := getattr(motion, "press", None)) is not None
+    ]
+    return float(tip.contact_radius(depths[0])) if tip is not None and depths else None
 
 
 def compare(

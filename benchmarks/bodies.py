@@ -1,0 +1,171 @@
+"""Bodies that are fitted: two lumps near each other, one alone, three of a field; found, false, errors and coverage.
+
+Run it with: python benchmarks/bodies.py pairs|one|three|speed|breast [--count 50]. One process. Fields are arrays but
+for `breast`, which simulates the palpations of pipelines/breast.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from palpate import Floats
+from palpate_engine.config import load_pipeline
+from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, sites_along, sites_on
+from sweeps import paths
+
+BREAST = Path(__file__).parent.parent / "pipelines" / "breast.toml"
+WIDTH = 8e-3 / 2.3548  # [m] standard deviation of a lump 8 mm wide at half its height
+Bump = tuple[float, float, float, float]  # x, y [m], contrast, standard deviation [m]
+
+
+def field(
+    dice: np.random.Generator, bumps: Sequence[Bump], noise: float, size: tuple[float, float], pitch: float
+) -> Sites:
+    """Points of a grid over an area [m] with Gaussian lumps, and a noise of the logarithm."""
+    axes = (np.arange(round(length / pitch) + 1) * pitch - length / 2 for length in size)
+    x, y = np.meshgrid(*axes)
+    place = np.column_stack([x.ravel(), y.ravel()])
+    contrast = np.zeros(len(place))
+    for bx, by, height, sigma in bumps:
+        contrast += height * np.exp(-((place - [bx, by]) ** 2).sum(axis=1) / (2 * sigma**2))
+    n = len(place)
+    log = math.log(112e3) + np.log1p(contrast) + noise * dice.standard_normal(n)
+    return Sites(place, log, np.full(n, noise), 3.0 * np.arange(n), np.ones(n, bool))
+
+
+def matched(findings: Findings, bumps: Sequence[Bump]) -> list[Lump]:
+    """The nearest lump of each bump."""
+    return [min(findings.lumps, key=lambda lump, b=bump: math.dist(lump.place, b[:2])) for bump in bumps]
+
+
+def row(lump: Lump) -> tuple[list[float], float, float, str]:
+    """Place [mm], contrast, its standard deviation and p."""
+    place = np.round(1e3 * np.array(lump.place), 1).tolist()
+    return place, round(lump.contrast, 3), round(lump.contrast_std, 3), f"{lump.p:.1g}"
+
+
+def within(lump: Lump, bump: Bump) -> Floats:
+    """True for contrast, x and width that are within two standard deviations."""
+    assert lump.place_std is not None
+    assert lump.width_std is not None
+    width = 2.3548 * bump[3]
+    errors = (lump.contrast - bump[2], lump.place[0] - bump[0], lump.extent[0] - width)
+    stds = (lump.contrast_std, lump.place_std[0], lump.width_std * lump.extent[0])
+    return np.abs(errors) < 2 * np.array(stds)
+
+
+def pairs(count: int) -> None:
+    """Two lumps in 40 mm x 30 mm, by their distance and contrasts: two, within 1.5 mm; one; more."""
+    for noise in (0.005, 0.01):
+        for gap in (10, 12, 14, 16, 20):
+            for contrasts in ((1.0, 1.0), (0.3, 0.3), (1.0, 0.3)):
+                numbers, near, inside = [], 0, []
+                for seed in range(count):
+                    dice = np.random.default_rng([seed, gap, *(int(10 * c) for c in contrasts)])
+                    angle, middle = dice.uniform(0, np.pi), dice.uniform(-2e-3, 2e-3, 2)
+                    half = gap / 2 * 1e-3 * np.array([np.cos(angle), np.sin(angle)])
+                    bumps = [(*(middle + way * half), c, WIDTH) for way, c in zip((1, -1), contrasts, strict=True)]
+                    findings = find_lumps(field(dice, bumps, noise, (0.04, 0.03), 5e-3))
+                    numbers.append(len(findings.lumps))
+                    if len(findings.lumps) == 2:
+                        lumps = matched(findings, bumps)
+                        near += all(math.dist(lump.place, b[:2]) < 1.5e-3 for lump, b in zip(lumps, bumps, strict=True))
+                        inside += [within(lump, b) for lump, b in zip(lumps, bumps, strict=True) if lump.bodies == 1]
+                share = np.mean(inside, axis=0).round(2) if inside else "-"
+                print(
+                    f"noise {noise} gap {gap} {contrasts}: lumps {np.bincount(numbers)}, "
+                    f"two within 1.5 mm {near} of {count}, "
+                    f"contrast, place, width within 2u {share}",
+                    flush=True,
+                )
+
+
+def one(count: int) -> None:
+    """One lump 7 to 16 mm wide in 40 mm x 30 mm: one; may be two; more."""
+    for noise in (0.005, 0.01):
+        for contrast in (0.1, 0.3, 1.0):
+            numbers, several, inside, errors = [], 0, [], []
+            for seed in range(count):
+                dice = np.random.default_rng([seed, int(100 * contrast), 7])
+                place, sigma = dice.uniform([-14e-3, -9e-3], [14e-3, 9e-3]), dice.uniform(7e-3, 16e-3) / 2.3548
+                bump = (*place.tolist(), contrast, float(sigma))
+                findings = find_lumps(field(dice, [bump], noise, (0.04, 0.03), 5e-3))
+                numbers.append(len(findings.lumps))
+                several += any(lump.may_be_two for lump in findings.lumps)
+                if len(findings.lumps) == 1 and findings.lumps[0].place_std is not None:
+                    inside.append(within(findings.lumps[0], bump))
+                    errors.append(1e3 * math.dist(findings.lumps[0].place, bump[:2]))
+            print(
+                f"noise {noise} contrast {contrast}: lumps {np.bincount(numbers)}, may be two {several}, "
+                f"contrast, place, width within 2u {np.mean(inside, axis=0).round(2)}, "
+                f"error mm {np.median(errors):.2f} / {max(errors):.2f}",
+                flush=True,
+            )
+
+
+def three(count: int) -> None:
+    """Three lumps 10 mm apart or more in 66 mm x 54 mm with a pitch of 6 mm, few sites of which are background."""
+    false = missed = certain = 0
+    for seed in range(count):
+        dice = np.random.default_rng([seed, 3])
+        bumps: list[Bump] = []
+        while len(bumps) < 3:
+            place = dice.uniform([-28e-3, -22e-3], [28e-3, 22e-3])
+            if all(math.dist(place, b[:2]) > 22e-3 for b in bumps):
+                bumps.append(
+                    (*place.tolist(), float(dice.uniform(0.15, 0.6)), float(dice.uniform(10e-3, 16e-3) / 2.3548))
+                )
+        findings = find_lumps(field(dice, bumps, 0.006, (0.066, 0.054), 6e-3))
+        wrong = [lump for lump in findings.lumps if all(math.dist(lump.place, b[:2]) > 8e-3 for b in bumps)]
+        lost = sum(all(math.dist(lump.place, b[:2]) > 8e-3 for lump in findings.lumps) for b in bumps)
+        false, missed = false + bool(wrong), missed + lost
+        certain += any(lump.p < 1e-3 for lump in wrong)
+        if wrong or lost:
+            print(seed, bumps, [row(lump) for lump in findings.lumps], flush=True)
+    print(
+        f"{count} fields of three lumps: {false} with a false one, {certain} with one of p < 1e-3, "
+        f"{missed} of {3 * count} missed"
+    )
+
+
+def breast(count: int, first: int = 1) -> None:
+    """The palpations of pipelines/breast.toml with other seeds: lumps and false ones."""
+    for seed in range(first, first + count):
+        pipeline = replace(load_pipeline(BREAST, [f"run.seed={seed}"]), sinks={})
+        surface = next(iter(pipeline.surfaces.values()))
+        (path,) = paths(pipeline)
+        findings = find_lumps(sites_on(sites_along(path), surface))
+        print(seed, [row(lump) for lump in findings.lumps], flush=True)
+
+
+def speed(count: int) -> None:
+    """Processor seconds of fields of 1000 sites with three lumps."""
+    bumps: list[Bump] = [(-0.05, -0.02, 0.3, 4e-3), (0.04, 0.03, 0.5, 5e-3), (0.052, 0.03, 0.5, 4e-3)]
+    for seed in range(count):
+        sites = field(np.random.default_rng(seed), bumps, 0.006, (0.195, 0.12), 5e-3)
+        begin = time.process_time()
+        findings = find_lumps(sites)
+        print(f"{len(sites)} sites, {len(findings.lumps)} lumps: {time.process_time() - begin:.2f} s", flush=True)
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["pairs", "one", "three", "speed", "breast"])
+    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--first", type=int, default=1, help="seed, of breast")
+    given = parser.parse_args()
+    if given.what == "breast":
+        breast(given.count, given.first)
+        return
+    {"pairs": pairs, "one": one, "three": three, "speed": speed}[given.what](given.count)
+
+
+if __name__ == "__main__":
+    main()

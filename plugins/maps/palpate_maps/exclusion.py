@@ -1,0 +1,104 @@
+"""The lumps that an exam excludes: by width, the contrast that it would have found at nearly all of its places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from palpate import Floats
+
+from palpate_maps.baseline_sites import Baseline
+from palpate_maps.body_field import SiteField
+from palpate_maps.lump_criteria import FWHM, Lump, LumpPower, LumpSettings
+from palpate_maps.lump_power import EXCLUDED_PROBABILITY, WIDTHS
+
+PLACES = 0.95  # share of these places
+# Choices of computing time.
+_MAX_PLACES = 400  # of virtual lumps, over the area
+_BISECTIONS = 18  # of the logarithm of a contrast, between the bounds
+_LOW, _HIGH = np.log(1e-3), np.log(1e2)  # of a contrast
+
+
+def excluded_lumps(
+    field: SiteField, baseline: Baseline, lumps: Sequence[Lump], settings: LumpSettings
+) -> tuple[LumpPower, ...]:
+    """Return for each width the least contrast that is found with 0.95 at 95 % of the places between the sites.
+
+    A virtual lump raises each site by log(1 + c g), g the mean of its Gaussian over the site's piece of the way, and is
+    found where a site exceeds the limit of the first discovery: P = 1 - product of Phi((limit - rise)/spread) over the
+    sites. Places are those of triangles between the sites, by their area, but for known lumps; infinite where more than
+    a twentieth of them are too far from every site.
+    """
+    places, weight = _places_between(field.middle)
+    for lump in lumps:
+        apart = np.linalg.norm(places[:, :2] - np.array(lump.place), axis=1)
+        weight = np.where(apart < max(lump.extent), 0.0, weight)
+    if not len(places) or weight.sum() <= 0 or baseline.count < 2:
+        return ()
+    limit = site_limit(baseline, len(field.log), settings)
+    distance_squared = ((field.place[:, None] - places[None]) ** 2).sum(axis=2)
+    powers = []
+    for width in WIDTHS:
+        shape = field.mean(np.exp(-0.5 * distance_squared / (width / FWHM) ** 2))
+        contrast = _contrasts(shape, limit, baseline.spread)
+        powers.append(LumpPower(_quantile(contrast, weight), width, EXCLUDED_PROBABILITY))
+    return tuple(powers)
+
+
+def site_limit(baseline: Baseline, count: int, settings: LumpSettings) -> float:
+    """Return the height of a site's logarithm over the background from which on it is the first discovery of `count`.
+
+    The larger of log(1 + contrast), and the prediction interval at the rate over the number of sites.
+    """
+    from scipy import stats
+
+    k = baseline.count
+    interval = float(stats.t.isf(settings.rate / count, k - 1)) * baseline.spread * np.sqrt(1 + 1 / k)
+    return max(float(np.log1p(settings.contrast)), float(interval))
+
+
+def _places_between(middle: Floats) -> tuple[Floats, Floats]:
+    """Return places (m, k) [m] in the triangles between sites (n, k), and the area (m,) that each stands for."""
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        corners = middle[Delaunay(middle[:, :2], qhull_options="Qbb Qc QJ").simplices]
+    except QhullError:
+        return np.zeros((0, middle.shape[1])), np.zeros(0)
+    sides = corners[:, 1:, :2] - corners[:, :1, :2]
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    # Large triangles hold more places: an even sequence along their summed area.
+    count = min(_MAX_PLACES, 4 * len(corners))
+    row = np.searchsorted(np.cumsum(area) / area.sum(), (np.arange(count) + 0.5) / count)
+    return _points_in(corners[np.minimum(row, len(corners) - 1)]), np.full(count, area.sum() / count)
+
+
+def _points_in(corners: Floats) -> Floats:
+    """Return a point (m, k) in each triangle (m, 3, k), spread evenly by the R2 sequence (Roberts 2018)."""
+    # Fractional parts of multiples of 1/g and 1/g^2, g^3 = g + 1; folded into the triangle.
+    steps = np.arange(1, len(corners) + 1)
+    u, v = (steps * 0.7548776662466927) % 1.0, (steps * 0.5698402909980532) % 1.0
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    weights = np.column_stack([1 - u - v, u, v])
+    return np.asarray(np.einsum("mi,mik->mk", weights, corners))
+
+
+def _contrasts(shape: Floats, limit: float, spread: float) -> Floats:
+    """Return the least contrast (m,) of lumps with shapes (n, m) at the sites that is found; infinite beyond 100."""
+    from scipy.special import log_ndtr
+
+    low, high = np.full(shape.shape[1], _LOW), np.full(shape.shape[1], _HIGH)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        rise = np.log1p(np.exp(middle) * shape)
+        missed = np.exp(log_ndtr((limit - rise) / spread).sum(axis=0))
+        is_found = missed <= 1 - EXCLUDED_PROBABILITY
+        low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
+    return np.where(high < _HIGH, np.exp(high), np.inf)
+
+
+def _quantile(values: Floats, weight: Floats) -> float:
+    """Return the value that a share of 0.95 of the weight does not exceed."""
+    order = np.argsort(values, kind="stable")
+    cumulative = np.cumsum(weight[order]) / weight.sum()
+    return float(values[order][int(np.searchsorted(cumulative, PLACES))])

@@ -1,0 +1,89 @@
+"""Which columns of a table are the place along the skin: by name, as stated, or asked for."""
+
+import numpy as np
+import pytest
+from palpate import LogError
+from palpate_logs.csv_roles import suggest_csv
+
+RATE = 100.0
+
+
+def sweep(path, names, *places):
+    """A table of a sine in contact, with further columns behind time, height [mm] and force [N]."""
+    time = np.arange(0.0, 12.0, 1 / RATE)
+    height = np.where(time < 1.0, 1.0, -3.0 + np.sin(2 * np.pi * 2 * time))
+    force = np.maximum(-height, 0.0) ** 1.5
+    noise = np.random.default_rng(0).standard_normal((len(time), len(places)))
+    columns = [
+        time,
+        height,
+        force,
+        *(place(time, height) + 1e-9 * row for place, row in zip(places, noise.T, strict=True)),
+    ]
+    header = "time [s],height [mm],force [N]" + "".join(f",{name}" for name in names)
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def along(time, height):
+    return 4.0 * np.maximum(time - 2.0, 0.0)
+
+
+def still(time, height):
+    return 0.001 * np.sin(7 * time)
+
+
+@pytest.mark.parametrize("name", ["x [mm]", "tool y [mm]", "pos_x [mm]", "Y (mm)"])
+def test_a_column_that_is_named_so_and_moves_is_the_place(tmp_path, name):
+    suggestion = suggest_csv(sweep(tmp_path / "a.csv", [name], along), {})
+    axis = "x" if "x" in name.lower() else "y"
+    assert suggestion.device["columns"][axis] == {"column": name, "unit": "mm"}
+    assert suggestion.alignment[f"lateral_{axis}"] == f"log.{axis}"
+
+
+def test_elements_of_a_pose_are_x_and_y(tmp_path):
+    names = [f"actual_TCP_pose_{k} [mm]" for k in (0, 1)]
+    suggestion = suggest_csv(sweep(tmp_path / "a.csv", names, along, along), {})
+    assert {key for key in suggestion.alignment if key.startswith("lateral")} == {"lateral_x", "lateral_y"}
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("x [mm]", still),  # a point: it does not move
+        ("x [mm]", lambda time, height: 2 * height),  # the height again
+        ("target x [mm]", along),  # a command
+        ("x force [N]", along),
+        ("y [deg]", along),
+    ],
+)
+def test_what_is_no_place_is_left(tmp_path, name, place):
+    alignment = suggest_csv(sweep(tmp_path / "a.csv", [name], place), {}).alignment
+    assert not [key for key in alignment if key.startswith("lateral")]
+
+
+def test_a_column_is_stated_with_the_unit_that_makes_it_a_sweep(tmp_path):
+    path = sweep(tmp_path / "a.csv", ["way"], lambda time, height: 1e-3 * along(time, height))
+    suggestion = suggest_csv(path, {"lateral": "way"})
+    assert suggestion.device["columns"]["x"] == {"column": "way", "unit": "m"}
+    assert any("way in m is a guess: it goes 40 mm" in doubt for doubt in suggestion.doubts)
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ("other", "--lateral: no column 'other'"),
+        ("way", "does not move like a place along the skin"),
+        ("way,way,way", "3 columns; name one"),
+    ],
+)
+def test_a_stated_column_that_is_no_place_is_refused(tmp_path, stated, message):
+    with pytest.raises(LogError, match=message):
+        suggest_csv(sweep(tmp_path / "a.csv", ["way [mm]"], still), {"lateral": stated.replace("way", "way [mm]")})
+
+
+def test_a_column_without_a_name_that_moves_like_a_place_is_asked_for(tmp_path):
+    path = sweep(tmp_path / "a.csv", ["way"], lambda time, height: along(time, height) + 0.02 * np.sin(300 * time))
+    path.write_text("\n".join(path.read_text().splitlines()[1:]) + "\n")
+    suggestion = suggest_csv(path, {"time": "0", "position": "1", "force": "2"})
+    assert any("--lateral sets it" in doubt for doubt in suggestion.doubts)
