@@ -175,6 +175,17 @@ def test_the_fit_finds_a_surface_within_the_motion():
     assert found.theta[0] == pytest.approx(TRUTH[0], rel=0.05)
 
 
+def test_readings_of_50_hz_are_no_pauses():
+    """The interval of a stamp may be a nanosecond above 20 ms."""
+    samples = record(duration=5.0)[::10]
+    samples = replace(samples, interval=np.diff(samples.time, prepend=samples.time[0]))
+    fit = fit_start(MODEL, 0.14, samples[:60], np.array([1e4, 10.0]))
+    assert fit is not None
+    assert fit.theta[0] == pytest.approx(TRUTH[0], rel=0.1)
+    estimates = KinematicFilter().start(PROBLEM).run(samples)
+    assert (np.abs(estimates.values[-1] - TRUTH) < 4 * estimates.std[-1]).all()
+
+
 def test_a_fit_of_noise_is_none():
     samples = record(duration=1.0)
     noise = np.random.default_rng(4).standard_normal(len(samples))

@@ -16,6 +16,7 @@ from palpate_kit.numerics.variable_projection import linear_part
 from palpate_filters.bounded_minimum import bounded_minimum
 
 PAUSE = 0.02  # [s], a choice: over a longer pause the measured position carries the depth, not the process
+_PAUSE_INTERVALS = 1.5  # a choice: usual intervals of a record of less than 75 Hz, beyond which one is a pause
 _HALF_SPAN = 5  # samples, a choice (0150): the motion is smoothed, and acceleration differenced, over 11
 _MIN_SAMPLES = 30  # a choice: a shorter window determines no surface
 _MAX_RISE = 0.012  # [m], a choice: how far the surface may lie above the highest position of the window
@@ -204,8 +205,9 @@ def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
     acceleration = (window.velocity[2 * n :] - window.velocity[: -2 * n]) / span
     force = window.force[n:-n] + mass * acceleration
     position, rate = _smooth(window.position), -_smooth(window.velocity)
-    # No difference reaches over a pause.
-    pauses = np.concatenate([[0], np.cumsum(np.diff(window.time) > PAUSE)])
+    # No difference reaches over a pause, which is longer than the usual interval of slow readings.
+    steps = np.diff(window.time)
+    pauses = np.concatenate([[0], np.cumsum(steps > max(PAUSE, _PAUSE_INTERVALS * float(np.median(steps))))])
     has_all = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position) & (pauses[2 * n :] == pauses[: -2 * n])
     return position[has_all], rate[has_all], force[has_all]
 
