@@ -15,7 +15,7 @@ CAUSES = {"thickness", "tip", "model-discrepancy", "noise", "second contact", "s
 BANNED = (
     r"device\.\w+\.columns\.\w+\.unit", r"holds if", r"would look like", r"note: undetermined", r"as in its upper band",
     r"\busable\b", r"trust it", r"hang together", r"knows of it", r"Pa\*s", r"within twice its ± of none", r"wrong-tip",
-    r"half-space: above", r"\d\.\d+e[+-]\d\d (%|ms)",
+    r"\d\.\d+e[+-]\d\d (%|ms)",
 )  # fmt: skip
 _HEAD = re.compile(r"\b(doubtful|not determined|invalid|note|good|[a-z]+)\[([a-z0-9-]+)(?:: ([a-z ,.-]+))?\]")
 _COUNTS = re.compile(r"\b(?:E|eta): (?=\d+ )")

@@ -29,7 +29,7 @@ def fact_line(pipelines: Counted, motions: Sequence[Numbers] = ()) -> str:
 def run_subject(pipeline: Pipeline, result: Result) -> str:
     """Return tip and model of a run, the motion of its first track on a point, and the estimator of a single track.
 
-    As in "sphere R 5 mm; 2 Hz, 3.5 to 5.1 mm deep; dr, nu 0.5, half-space (thickness above 330 mm); kinematic-ekf".
+    As in "sphere R 5 mm; 2 Hz, 3.5 to 5.1 mm deep; dr, nu 0.5, half-space if above 330 mm thick; kinematic-ekf".
     """
     if not pipeline.tracks:
         return ""
@@ -122,7 +122,7 @@ def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phra
     if "thickness" in type(model).model_fields:
         layer = getattr(model, "thickness", None)
         height = getattr(layer, "height", None)
-        half_space = f"half-space ({limit})" if limit else "half-space"
+        half_space = f"half-space if {limit}" if limit else "half-space"
         yield (half_space,) if height is None else (Quantity(height, "m"), " thick")
         if (bonded := getattr(layer, "bonded", None)) is not None:
             yield ("glued to its base" if bonded else "sliding on its base",)

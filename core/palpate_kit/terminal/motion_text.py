@@ -41,7 +41,7 @@ def layer_limit(motions: Sequence[Numbers]) -> str:
     Above it a bonded layer moves the elasticity of no record by more than its uncertainty.
     """
     limits = [motion["half_space_from"] for motion in motions if "half_space_from" in motion]
-    return f"thickness above {_length(max(limits))}" if limits else ""
+    return f"above {_length(max(limits))} thick" if limits else ""
 
 
 def measured_text(motions: Sequence[Numbers]) -> str:

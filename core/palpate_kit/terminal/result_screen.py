@@ -194,7 +194,8 @@ def facts_in_words(table: ResultTable) -> Iterator[tuple[str, str, str]]:
 def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
     """Return the open facts under one heading: the values that depend on each, what is assumed, what settles it.
 
-    With a `command` one line states all of them that an option states, those first on which a finding is.
+    With a `command` one line states all of them that an option states, those first on which a finding is; a single one
+    of a finding stands there already.
     """
     facts = list(facts_in_words(table))
     if not facts:
@@ -208,9 +209,10 @@ def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
         if remedy not in ("", next_remedy) and not (command and remedy.startswith("--")):
             yield f"{indent}{'state' if remedy.startswith('--') else 'settle'}: {remedy}"
     of_findings = [finding.remedy for finding, _, _ in table.shared_findings()]
-    options = [remedy for remedy in (*of_findings, *(fact[2] for fact in facts)) if remedy.startswith("--")]
-    if command and options:
-        yield f"  state: {command} {' '.join(dict.fromkeys(options))}"
+    remedies = dict.fromkeys((*of_findings, *(remedy for _, _, remedy in facts)))
+    options = [remedy for remedy in remedies if remedy.startswith("--")]
+    if command and options and (len(options) > 1 or options[0] not in of_findings):
+        yield f"  state: {command} {' '.join(options)}"
 
 
 def _concerned(sentence: str, table: ResultTable) -> str:

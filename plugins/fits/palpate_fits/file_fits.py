@@ -225,7 +225,7 @@ def _page_lines(fitted: FittedFiles, files: SourceFiles) -> Iterator[str]:
     words += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(part.part)}"] if part.part is not None else []
     words += ["-o", str(page)]
     report = shlex.join(["palpate", "report", str(page / part.path.name.split(".")[0])])
-    yield f"a page on one: {shlex.join(words)} && {report}"
+    yield f"{'a page' if len(fitted.rows) == 1 else 'a page on one'}: {shlex.join(words)} && {report}"
 
 
 def _columns_lines(groups: Sequence[FileGroup]) -> list[str]:

@@ -312,8 +312,8 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
     if found.correlation_time > _LONG_CORRELATION:
         yield Flag(
             "correlated-residuals",
-            f"the residuals correlate over {found.correlation_time:.3g} samples, so {found.samples} "
-            f"count as {found.effective_samples:.3g}; the ± counts it",
+            f"the residuals are not noise: they correlate over {found.correlation_time:.3g} samples, so "
+            f"{found.samples} count as {found.effective_samples:.3g}",
         )
 
 
