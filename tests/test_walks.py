@@ -53,7 +53,7 @@ def test_a_page_leads_from_its_first_line_to_its_last(page, tmp_path):
 def test_the_readme_shows_what_its_first_run_prints(palpate, tmp_path):
     readme = (ROOT / "README.md").read_text()
     (command,) = re.findall(r"\.venv/bin/palpate (run \S+)$", readme, re.MULTILINE)
-    (shown,) = re.findall(r"```\n(S2, sphere.*?)```", readme, re.DOTALL)
+    (shown,) = re.findall(r"```\n(S2, simulated.*?)```", readme, re.DOTALL)
     what, pipeline = command.split()
     printed = palpate(what, ROOT / pipeline, "--out", tmp_path / "run").stdout
     assert printed.startswith(shown)

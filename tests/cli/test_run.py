@@ -19,7 +19,7 @@ SHORT = ("--set", "trajectory.press.duration=2 s")
 def test_the_example_prints_the_truth_beside_the_estimates(palpate, point_pipeline, tmp_path):
     done = palpate("run", point_pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    for text in ("dr/ekf", "elasticity", "viscosity", "truth", "112.5", "362", "±", "kPa", "verdict", "help:"):
+    for text in ("dr/ekf", "E  verdict", "eta  verdict", "truth", "112.5", "362", "±", "kPa", "help:"):
         assert text in done.stdout
     for text in ("eta/G", "surface", "NIS", "assumed exact"):
         assert text not in done.stdout.partition("doubtful[")[0]

@@ -58,8 +58,8 @@ def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     page = read(file)
     words = [
         "S2, simulated", "good", "one standard uncertainty",
-        "All tracks", "elasticity", "kPa", "Flags", "What helps", "Force and model",
-        "Lack of fit", "Estimates over time", "Innovations", "Budget of uncertainty", "share of variance",
+        "Comparison", "kPa", "Flags", "What helps", "Force and model",
+        "Lack of fit", "Innovations", "Budget of uncertainty", "share of variance",
         "Calibration and tare", "Streams", "Where it comes from", "versions", "Pipeline as given",
         "Pipeline as run",
     ]  # fmt: skip
@@ -154,7 +154,7 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
         assert "is not a run folder" in done.stderr
         return
     assert done.returncode == 0, done.stderr
-    assert read(copied / "report.html").text.startswith(("S2, sphere", "run"))
+    assert read(copied / "report.html").text.startswith(("S2, simulated", "run"))
 
 
 @pytest.mark.slow
@@ -175,7 +175,7 @@ def test_a_spoilt_file_spoils_nothing_else(palpate, copied, file, content):
     done = palpate("report", copied)
     assert done.returncode == 0, done.stderr
     text = read(copied / "report.html").text
-    assert "All tracks" in text or file == "result.json"
+    assert "Comparison" in text or file == "result.json"
     assert ("cannot be read" in text) == ("a,b,c" in content)
 
 
