@@ -198,3 +198,25 @@ type = "kinematic-ekf"
     rows = rows_of(tmp_path / "out")
     assert {Path(one["track"]).name for one in rows} == {"ekf", "kinematic"}
     assert all(0 < float(one["prediction"]) < 0.5 for one in rows)
+
+
+@pytest.mark.slow
+def test_pictures_are_drawn_for_a_column_and_a_page(palpate, tmp_path):
+    """The pictures of a step have the truth of each place, and the same bench is the same picture."""
+    file = next(file for file in scene_files() if file.stem == "step")
+    tracks = ("--set", 'run.tracks=["dr/kinematic", "dr/ekf"]')
+    for name in ("a", "b"):
+        done = palpate("bench", file, *tracks, "--records", "1", "--jobs", "1", "--picture", "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        assert "collapsed" not in done.stderr
+    names = sorted(path.name for path in (tmp_path / "a").glob("*mm.*"))
+    assert names == sorted(
+        f"{what}-{width}mm.{ending}"
+        for what in ("errors", "estimates-step")
+        for width in (85, 170)
+        for ending in ("pdf", "svg")
+    )
+    for name in names:
+        if name.startswith("estimates"):  # a cost is another one each time
+            assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert 'width="481' in (tmp_path / "a" / "estimates-step-170mm.svg").read_text()  # pt

@@ -97,7 +97,7 @@ def _errors(
     """Return value, u, truth, relative error and distance in u by name; along a sweep rms over its samples."""
     values = {**track.parameters, **{derived.name: derived.found for derived in track.derived}}
     names, truth, usable = chief_names(values), outcome.result.truth, track.usable
-    along = _truth_along(pipeline, outcome.samples)
+    along = truth_along(pipeline, outcome.samples)
     errors = dict[str, dict[str, float]]()
     for place, value_name in enumerate(values):
         if value_name not in names:
@@ -125,7 +125,7 @@ def _error_of(values: Floats, stds: Floats, truth: Floats | float) -> dict[str, 
         }
 
 
-def _truth_along(pipeline: Pipeline, samples: Samples) -> Mapping[str, Floats] | None:
+def truth_along(pipeline: Pipeline, samples: Samples) -> Mapping[str, Floats] | None:
     """Return the truth (n,) at the place of each sample; None where the tip stayed at one place."""
     device = next(
         (candidate for candidate in pipeline.devices.values() if isinstance(candidate, KnowsTruthByPlace)), None

@@ -48,6 +48,10 @@ def bench(
     jobs: Annotated[int | None, typer.Option(help="Processes at a time. [default: one per core]", min=1)] = None,
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
+    picture: Annotated[
+        bool,
+        typer.Option("--picture", help="Draw error against cost, and the estimates over time of a record of each."),
+    ] = False,
     details: DetailsOption = False,
     as_json: JsonOption = False,
     form: FormatOption = "table",
@@ -80,6 +84,8 @@ def bench(
         print_json({"folder": folder, "records": len(bench_records), "rows": summary_rows})
     else:
         _print(summary_rows, details)
+    if picture:
+        _draw(bench_records, summary_rows, folder, as_json)
     failed = sum(row["failed"] for row in summary_rows)
     before = len(bench_records) - len(missing)
     counts = f"{len(bench_records)} records, {failed} estimates failed, {before} found in the folder"
@@ -87,6 +93,20 @@ def bench(
     if len({(row["file"], row["scene"], row["record"]) for row in rows}) < len(bench_records):
         typer.echo(f"stopped; go on with --out {folder}", err=True)
         raise typer.Exit(130)
+
+
+def _draw(records: Sequence[BenchRecord], rows: Sequence[Row], folder: Path, as_json: bool) -> None:
+    """Draw error against cost, and the estimates of the first record of each pipeline that can be run."""
+    from palpate_studies.bench.bench_figures import draw_errors, draw_estimates
+
+    paths = draw_errors(rows, folder)
+    for record in records:
+        if record.number == 1 and record.plan.path.stem not in SLOW_SCENES:
+            try:
+                paths += draw_estimates(record.plan.pipeline(), folder)
+            except PalpateError as error:
+                typer.echo(f"{record.scene}: no picture: {error}", err=True)
+    typer.echo(f"{len(paths)} pictures, PDF and SVG, 85 and 170 mm wide: {folder}", err=as_json or layout() != "table")
 
 
 def _with_plugin_files() -> list[str]:
