@@ -82,7 +82,11 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
         if p <= settings.rate:
             contrast = float(np.expm1(peak.height))
             body = _body_of(curve, peak, settings.width)
-            lumps.append(replace(body, place=curve.place(peak.middle), contrast=contrast, contrast_std=peak.std, p=p))
+            lumps.append(
+                replace(
+                    body, place=curve.place(peak.middle), contrast=contrast, contrast_std=(1 + contrast) * peak.std, p=p
+                )
+            )
     # The power is that of a difference of two points of median noise.
     std = float(np.median(curve.noise)) * np.sqrt(2.0)
     power, excluded = sweep_power(std, length, settings), sweep_exclusion(std, length, settings)

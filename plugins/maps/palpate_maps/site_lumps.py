@@ -97,7 +97,7 @@ def lump_of_sites(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: 
         (float(middle[0]), float(middle[1])),
         (float(extent[0]), float(extent[1])),
         contrast=float(np.expm1(height[peak])),
-        contrast_std=float(np.hypot(baseline.spread, sites.std[peak])),
+        contrast_std=float(np.exp(height[peak]) * np.hypot(baseline.spread, sites.std[peak])),
         p=float(p[group].min()),
         checked=bool(points.any()),
         highest=(float(sites.place[peak, 0]), float(sites.place[peak, 1])),
