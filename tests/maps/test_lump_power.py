@@ -50,3 +50,12 @@ def test_lumps_are_seen_as_often_as_said():
     assert share(0.5) < 0.4
     assert PROBABILITY - 0.1 < share(1.0) < PROBABILITY + 0.18
     assert share(1.5) > 0.97
+
+
+def test_the_uncertainty_of_a_contrast_grows_with_it():
+    """It is that of the contrast and not of its logarithm: (1 + contrast) times as large."""
+    stds = []
+    for contrast in (0.1, 1.0):
+        (lump,) = find_lumps(sweep(1, contrast, 0.01)).lumps
+        stds.append(lump.contrast_std / (1.0 + lump.contrast))
+    assert stds[0] == pytest.approx(stds[1], rel=0.05)
