@@ -13,7 +13,8 @@ TOP = "palpate_notebook"  # the Python interface, which uses families
 
 
 def page(text: str) -> str:
-    """The text of ``pyproject.toml`` with all packages: entry points, wheel, type checkers, contracts of imports."""
+    """Return the text of ``pyproject.toml`` with all packages: entry points, wheel, type checkers, contracts of
+    imports."""
     core = sorted(path.parent for path in ROOT.glob("core/*/__init__.py"))
     families = sorted(path.parent for path in ROOT.glob("plugins/*/palpate_*/__init__.py"))
     names = [path.name for path in (*core, *families)]
@@ -38,7 +39,7 @@ def page(text: str) -> str:
 
 
 def _lines(names: list[str]) -> Array:
-    """An array with each name on a line of its own."""
+    """Return an array with each name on a line of its own."""
     array = tomlkit.array().multiline(True)
     array.extend(names)
     return array

@@ -149,5 +149,5 @@ _RECORD = {
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """The meanings of the core's own flags."""
+    """Return the meanings of the core's own flags."""
     return {**_ESTIMATE, **_RECORD}

@@ -144,7 +144,7 @@ class Health:
 
     @property
     def _is_quiet(self) -> bool:
-        """Whether readings that change have a noise below about half of their step, or none at all."""
+        """True if readings that change have a noise below about half of their step, or none at all."""
         most = LastDigit(self.step).quiet_change(self.highest - self.lowest) if math.isfinite(self.step) else 0.0
         every = sum(self._third_differences.values())
         if not every or not most > 0.0:

@@ -97,7 +97,7 @@ class ArmApproach:
             )
 
     def _posture_problem(self) -> str | None:
-        """Why the arm must not set out from the posture in which it stands; None where it may."""
+        """Return why the arm must not set out from the posture in which it stands; None where it may."""
         model, slack, joints = self._model, _FROM_END, self._states.joints
         for joint, angle, low, high in zip(model.joints, joints, model.low, model.high, strict=True):
             if not low + slack <= angle <= high - slack:

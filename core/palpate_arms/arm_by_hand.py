@@ -37,12 +37,12 @@ class HandReader(Protocol):
     tool: Floats  # (4, 4) the tip on the flange
 
     def read(self) -> Posture:
-        """The mean over half a second; raises UnsteadyError, DeviceError."""
+        """Return the mean over half a second; raises UnsteadyError, DeviceError."""
         ...
 
 
 def mean_pose(places: Floats, vectors: Floats) -> Floats:
-    """The mean (4, 4) of places (n, 3) [m] and rotation vectors (n, 3) that are near one another.
+    """Return the mean (4, 4) of places (n, 3) [m] and rotation vectors (n, 3) that are near one another.
 
     Raises UnsteadyError where the places are not.
     """
@@ -64,7 +64,7 @@ class _ObservedArm:
         self._name, self._link, self.tool = name, link, link.tool
 
     def read(self) -> Posture:
-        """The mean over half a second; raises UnsteadyError, DeviceError."""
+        """Return the mean over half a second; raises UnsteadyError, DeviceError."""
         angles, end = [], clock().now() + LISTEN
         for batch in self._link.batches():
             if batch.stream == "joints" and len(batch.time):

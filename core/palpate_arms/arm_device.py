@@ -20,7 +20,7 @@ class ArmDevice(ArmSettings):
     """An arm; a maker's class adds its own keys, and says which driver and which kinematic model."""
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The arm at rest; `follow` sets it in motion."""
+        """Return the arm at rest; `follow` sets it in motion."""
         return self._connected(observe=False)
 
     def observe(self, seed: int) -> AbstractContextManager[Link]:

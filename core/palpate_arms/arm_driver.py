@@ -79,7 +79,7 @@ class ArmDriver(ABC):
 
     @abstractmethod
     def read(self) -> ArmReading | None:
-        """The newest state; None if none arrived since the last call. Raises ArmFaultError."""
+        """Return the newest state; None if none arrived since the last call. Raises ArmFaultError."""
 
     @abstractmethod
     def send(self, pose: Sequence[float]) -> bool:
@@ -111,7 +111,7 @@ class ArmDriver(ABC):
             )
 
     def target(self) -> Sequence[float] | None:
-        """The pose that the controller holds at rest, in the frame in which `send` commands; None if not known.
+        """Return the pose that the controller holds at rest, in the frame in which `send` commands; None if not known.
 
         It is asked for once, before anything is sent: where it differs from the pose that was measured, nothing moves.
         """
@@ -127,7 +127,7 @@ class ArmDriver(ABC):
         """Raise ArmFaultError where a state says that the arm cannot go on: its mode, its errors, a reflex by name."""
 
     def slowdown(self, reading: ArmReading, first: ArmReading | None) -> str | None:
-        """Why the arm is slower than it is commanded; None where it is not.
+        """Return why the arm is slower than it is commanded; None where it is not.
 
         `first` is the state at the start of the motion; None: no motion yet.
         """
@@ -135,7 +135,7 @@ class ArmDriver(ABC):
 
     @property
     def connected(self) -> bool:
-        """Whether the connection that brings states stands."""
+        """True if the connection that brings states stands."""
         return True
 
     @property

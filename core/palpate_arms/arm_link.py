@@ -149,7 +149,7 @@ class ArmLink:
         return StatedArm(settings.command_lag, settings.deadband, settings.controller_stiffness is not None)
 
     def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
-        """The way to the first setpoint; see `palpate.SupportsApproach`."""
+        """Return the way to the first setpoint; see `palpate.SupportsApproach`."""
         return self._approach.path(trajectory, self._limits)
 
     def follow(self, trajectory: Trajectory) -> None:
@@ -180,7 +180,7 @@ class ArmLink:
         self._child.ring.head[RETRACT] = 1
 
     def batches(self) -> Iterator[Batch]:
-        """The states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
+        """Yield the states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
         done = False
         self._states.skip(self._child.ring.early())  # what came while other devices were connected
         while not done:

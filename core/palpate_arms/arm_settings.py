@@ -104,7 +104,7 @@ class ArmSettings(Device):
     @classmethod
     @abstractmethod
     def driver(cls) -> type[ArmDriver]:
-        """The class of its driver; import it here, so that a replay loads no client library."""
+        """Return the class of its driver; import it here, so that a replay loads no client library."""
 
     @property
     @abstractmethod
@@ -133,7 +133,7 @@ class ArmSettings(Device):
         return {}
 
     def driver_settings(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
-        """The settings of the driver, as plain data."""
+        """Return the settings of the driver, as plain data."""
         return self.model_dump(mode="json")
 
     @property

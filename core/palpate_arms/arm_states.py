@@ -54,7 +54,7 @@ class ArmStates:
         self._times(rows)
 
     def batches(self, rows: Floats) -> Iterator[Batch]:
-        """A batch of each stream."""
+        """Yield a batch of each stream."""
         layout = self._rows
         stamps, controller, received = self._times(rows)
         pose, twist = self._kinematics(rows)

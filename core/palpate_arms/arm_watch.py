@@ -62,11 +62,12 @@ class ArmWatch:
                 raise ArmFaultError(text)
 
     def slowdown(self) -> str | None:
-        """Why an arm in motion has become slower than it is commanded; None where it has not."""
+        """Return why an arm in motion has become slower than it is commanded; None where it has not."""
         return None if self._arm.observed else self._arm.driver.slowdown(self._arm.reading, self._first)
 
     def lateness(self, limit: float) -> str | None:
-        """Why the arm is not where its states have it: the latest two were older than a limit [s]; None in time."""
+        """Return why the arm is not where its states have it: the latest two were older than a limit [s]; None in
+        time."""
         text = self._age.complaint("the controller's states", limit)
         # Older by so much at once: they are not late.
         if text is None or self._step_back <= limit:
@@ -92,5 +93,5 @@ class ArmWatch:
             raise DeadLinkError(f"the controller is silent: its last state is {1e3 * age:.0f} ms old{late}")
 
     def _garbled(self, text: str) -> GarbledStateError:
-        """Why a state makes no sense."""
+        """Return why a state makes no sense."""
         return GarbledStateError(self._arm.driver.explain() or text)

@@ -125,7 +125,7 @@ class CommandedArm:
         return [*self.reading.joints, *self.reading.joint_speeds, *pose, *twist, *self.reading.wrench]
 
     def _leap(self, stamp: float, values: list[float]) -> float | None:
-        """How far [m] the tip is from where the state before had it, if that is farther than any arm moves."""
+        """Return how far [m] the tip is from where the state before had it, if that is farther than any arm moves."""
         if not self.state:
             return None
         place = self.rows.state["position"]
@@ -134,7 +134,7 @@ class CommandedArm:
 
     @property
     def is_number(self) -> bool:
-        """Whether joints, pose and speed are finite numbers."""
+        """True if joints, pose and speed are finite numbers."""
         return all(map(math.isfinite, self.state[self.rows.motion]))
 
     def look(self) -> ArmState:

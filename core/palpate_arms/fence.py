@@ -120,7 +120,7 @@ class Fence:
     def command(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
     ) -> Verdict | None:
-        """A command before it is sent, after the one `before` (position and turn).
+        """Return a command before it is sent, after the one `before` (position and turn).
 
         An arm that is `leaving` the material brakes first: that may carry it over the box.
         """
@@ -140,7 +140,7 @@ class Fence:
         self._commands.pop()
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
-        """The robot's own state, on the approach or in the motion."""
+        """Return the robot's own state, on the approach or in the motion."""
         if (text := self._following.complaint(command, seen.position, seen.fresh, self.give)) is not None:
             return Verdict(text, False)
         if self.limits is None:
@@ -157,7 +157,7 @@ class Fence:
         return verdict
 
     def in_retraction(self, seen: ArmState) -> Verdict | None:
-        """The robot's own state while it leaves faster than it may move otherwise."""
+        """Return the robot's own state while it leaves faster than it may move otherwise."""
         if self._outward_limit is None:
             return None
         self._speeds.append(seen.velocity)
@@ -236,7 +236,7 @@ class Fence:
     def _from_arm(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
     ) -> Verdict | None:
-        """How far the command is from the arm, and what it asks of its joints."""
+        """Return how far the command is from the arm, and what it asks of its joints."""
         away, lead = length(command - seen.position), self.lead
         if leaving and self._outward_limit is not None:
             lead = self._lead_at(self._outward_limit)

@@ -16,7 +16,8 @@ _OF_STOP = 0.8  # of the force that stops the motion; more would stop it by its 
 
 
 def refusal(law: ForceLaw, stop: float | None, speed: float, acceleration: float, duration: float) -> str | None:
-    """Why a law is not allowed for an arm with these limits; None where it is. No `stop` [N]: the force is not read."""
+    """Return why a law is not allowed for an arm with these limits; None where it is. No `stop` [N]: the force is
+    not read."""
     if stop is None:
         return (
             "the controlled force has to be read by the arm's own process, and the sensor does not share its readings"
@@ -84,11 +85,12 @@ class ForceLead:
         return self.height, self.speed
 
     def _brakes(self, way: float) -> float:
-        """The speed [m/s] from which it comes to rest within a way [m], with half of its acceleration."""
+        """Return the speed [m/s] from which it comes to rest within a way [m], with half of its acceleration."""
         return math.sqrt(self.law.acceleration * max(way, 0.0))
 
     def fault(self, time: float, tip: float) -> str | None:
-        """Why the motion has to end, at a time [s] of it and with the tip at a height [m]; None where it need not."""
+        """Return why the motion has to end, at a time [s] of it and with the tip at a height [m]; None where it need
+        not."""
         law = self.law
         if not law.begin <= time < law.end:
             return None

@@ -41,7 +41,7 @@ class ForceEye:
         self._began = self._heard = self._count = 0
 
     def deaf(self, now: int) -> bool:
-        """Whether readings stay away or repeat themselves, as of the latest look at a time [ns]."""
+        """Return True if readings stay away or repeat themselves, as of the latest look at a time [ns]."""
         if self._repeats is not None and self._repeats.suspect:
             return True
         usual = (self._heard - self._began) / max(self._count, 1)
@@ -60,7 +60,7 @@ class ForceEye:
         in_air: bool | None = None,
         commanded: float = math.nan,
     ) -> str | None:
-        """Why the arm has to stop at a time [ns]; None where it need not.
+        """Return why the arm has to stop at a time [ns]; None where it need not.
 
         `depth` [m] of the tip below the plane of its station, and as `commanded`; its place (3,) [m], which is as high
         as travel in free air or not; None where the tip may touch something yet.

@@ -59,7 +59,7 @@ class Handshake:
 
     @property
     def is_over(self) -> bool:
-        """Whether the arm has answered every step."""
+        """True if the arm has answered every step."""
         return self._next == len(self._path.steps)
 
     def note_command(self, command: Floats, base_command: Floats, now: int) -> None:

@@ -19,7 +19,7 @@ class MotionOffer:
         self._pieces = plan.pieces()
 
     def fault(self, fence: Fence, stop: float | None) -> str | None:
-        """Why the next piece, or at last the whole, breaks the limits; None where it keeps them.
+        """Return why the next piece, or at last the whole, breaks the limits; None where it keeps them.
 
         `stop` [N] of the force that is read; None where none is.
         """
@@ -31,7 +31,7 @@ class MotionOffer:
         return pressed_in_at_the_end(self.plan.ends) or self._refusal(fence, stop)
 
     def _refusal(self, fence: Fence, stop: float | None) -> str | None:
-        """Why a force must not lead; None where it may, or none does."""
+        """Return why a force must not lead; None where it may, or none does."""
         law, limits = self.law, fence.limits
         if law is None or limits is None:  # without limits nothing moves at all
             return None

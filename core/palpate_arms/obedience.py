@@ -106,6 +106,6 @@ class Obedience:
         self._handshake = None
 
     def take_answers(self) -> list[dict[str, Any]]:
-        """The answers of the latest handshake, once."""
+        """Return the answers of the latest handshake, once."""
         answers, self.answers = self.answers, []
         return answers

@@ -69,7 +69,7 @@ class PostureFence:
 
 
 def is_singular(jacobian: Floats) -> bool:
-    """Whether joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
+    """Return True if joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
     try:
         return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _CANCELLED
     except np.linalg.LinAlgError:
@@ -77,7 +77,7 @@ def is_singular(jacobian: Floats) -> bool:
 
 
 def _against_one_another(jacobian: Floats, inverse: Any) -> float:
-    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
+    """Return how much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
 
     The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
     cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.

@@ -64,7 +64,7 @@ class Commander:
             self._behind = min(self._behind + periods, _MOST_BEHIND)
 
     def _in_plan(self) -> Floats:
-        """The row (16,) that is due, between two rows of the plan while it makes up for something."""
+        """Return the row (16,) that is due, between two rows of the plan while it makes up for something."""
         last = len(self._plan) - 1
         low = min(int(self._row), last)
         part, before = self._row - low, self._plan[low]
@@ -125,7 +125,7 @@ class Commander:
         self._way = list(zip(found.position[1:], found.left[1:].tolist(), strict=True))
 
     def _turned(self, left: float) -> Floats:
-        """The turn of the tool where a part of it is left."""
+        """Return the turn of the tool where a part of it is left."""
         if not self._turn_by.any():
             return self._turn_from
         if np.array_equal(self._turn_by, -self._turn_from):  # to its orientation by the work frame
@@ -140,7 +140,7 @@ class Commander:
             self.mode = "done"
 
     def led_astray(self, height: float) -> str | None:
-        """Why the force must not lead on, with the tip at a height [m]; None where it may, or does not lead."""
+        """Return why the force must not lead on, with the tip at a height [m]; None where it may, or does not lead."""
         if self.lead is None or self.mode != "follow":
             return None
         return self.lead.fault(self._row * PERIOD, height)
@@ -150,7 +150,7 @@ class Commander:
         self.command, self._speed, self.turn = self._before
 
     def next(self, position: Floats, velocity: Floats, room: float = math.inf) -> Floats:
-        """The command (3,) for this period, from the measured position and velocity (3,) in the work frame.
+        """Return the command (3,) for this period, from the measured position and velocity (3,) in the work frame.
 
         A plan goes on by `room` [m] at most, and is made up for later.
         """
@@ -222,6 +222,6 @@ class Commander:
 
 
 def _no_longer(way: Floats, most: float) -> Floats:
-    """A way (3,) [m], cut to a length."""
+    """Return a way (3,) [m], cut to a length."""
     length = float(np.linalg.norm(way))
     return way if length <= most else way * (most / length)

@@ -38,7 +38,7 @@ class ServoLaw:
     gives_way: bool = False  # whether the arm stands on its controller's spring, and overshoots
 
     def within(self, limits: dict[str, Any]) -> ServoLaw:
-        """The law whose own motions and commands keep the limits of a motion, by what the arm does."""
+        """Return the law whose own motions and commands keep the limits of a motion, by what the arm does."""
         speed, leaving = limits["speed"], limits.get("retract_speed", 0.0)
         share = _OWN / (OVERSHOOT if self.gives_way else 1.0)
         retract_speed = self.retract_speed
@@ -54,7 +54,7 @@ class ServoLaw:
 
 
 def own_law(speed: float, acceleration: float) -> ServoLaw:
-    """The law of a way that the kit makes by itself at a speed [m/s]."""
+    """Return the law of a way that the kit makes by itself at a speed [m/s]."""
     return ServoLaw("servo", 0.0, 0.0, speed, speed, acceleration)
 
 
@@ -81,7 +81,7 @@ class StraightPath:
 
 
 def straight_path(begin: Floats, end: Floats, law: ServoLaw, turn: float = 0.0) -> StraightPath:
-    """A straight way that turns the tool by an angle [rad] as well.
+    """Return a straight way that turns the tool by an angle [rad] as well.
 
     Of fifth order in time, s = 10 t^3 - 15 t^4 + 6 t^5: its largest speed is 15/8 of the mean one, its largest
     acceleration 10/sqrt(3) way/duration^2. What the turn moves at its lever counts as way.

@@ -28,7 +28,8 @@ _IN_TIME = 1_000_000  # [ns] after its deadline a command comes before a tick th
 
 
 def next_deadline(deadline: int, sent: int, now: int) -> tuple[int, int]:
-    """The deadline [ns] after one whose command was `sent`, on its grid, and how many are left out until then."""
+    """Return the deadline [ns] after one whose command was `sent`, on its grid, and how many are left out until
+    then."""
     taken = (sent - deadline - _IN_TIME) // _TICK + 1
     passed = (now - deadline - _IN_TIME) // _TICK
     left_out = max(taken, passed, 0)
@@ -66,7 +67,8 @@ class Pace:
         self._random = random.Random(0)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """A cycle at each deadline, given the time [ns] and how many were left out; a look between two of them."""
+        """Return a cycle at each deadline, given the time [ns] and how many were left out; a look between two of
+        them."""
         deadline, left_out = clock().now_ns() + _TICK, 0
         while True:
             now = self._sleep(max(deadline - clock().now_ns(), 0))

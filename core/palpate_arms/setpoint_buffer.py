@@ -64,7 +64,7 @@ class Plan:
         return self._count
 
     def __getitem__(self, row: int) -> Floats:
-        """A copy of a row (16,)."""
+        """Return a copy of a row (16,)."""
         number, place = divmod(row, _BLOCK)
         block = self._blocks.get(number)
         if block is None:
@@ -75,7 +75,7 @@ class Plan:
         return np.array(block[place])
 
     def pieces(self) -> Iterator[Floats]:
-        """All rows (n, 16), piece by piece; each begins with the last two rows of the one before."""
+        """Yield all rows (n, 16), piece by piece; each begins with the last two rows of the one before."""
         for first in range(0, self._count, _PIECE):
             rows = self._read(max(first - _COMMON, 0), min(first + _PIECE, self._count))
             ways = np.linalg.norm(np.diff(rows[:, _PLACE], axis=0), axis=1)

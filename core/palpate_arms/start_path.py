@@ -33,7 +33,7 @@ class FirstStation:
         return cls(place, turn, StationPlane(points.position[0], points.normal[0]))
 
     def turn_from(self, work: WorkFrame, rotation: Floats) -> Floats:
-        """The turn (3,) that a tool (3, 3) in the base has still to make, in its own frame."""
+        """Return the turn (3,) that a tool (3, 3) in the base has still to make, in its own frame."""
         return turn_from_to(tool_turn(work, rotation), np.zeros(3) if self.turn is None else self.turn)
 
 

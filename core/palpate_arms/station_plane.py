@@ -30,12 +30,12 @@ class StationPlane:
 
     @property
     def is_one(self) -> bool:
-        """Whether these are numbers, and the normal is of length 1."""
+        """True if these are numbers, and the normal is of length 1."""
         return bool(np.isfinite(self.foot).all()) and abs(float(np.linalg.norm(self.normal)) - 1.0) <= _UNIT
 
     @property
     def is_level(self) -> bool:
-        """Whether the normal is that of the work frame."""
+        """True if the normal is that of the work frame."""
         return bool(self.normal[2] >= 1.0)
 
     def height(self, place: Floats) -> float:
@@ -62,7 +62,8 @@ LEVEL = StationPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
 def pressed_in_at_the_end(ends: Floats) -> str | None:
-    """Why the tip would stay in the material after a plan with these first and last rows (2, 16); None if not."""
+    """Return why the tip would stay in the material after a plan with these first and last rows (2, 16); None if
+    not."""
     first, last = (StationPlane.of_row(row).height(row[PLAN["position"]]) for row in ends)
     if last >= min(first, 0.0) - _ROUNDING:
         return None

@@ -11,17 +11,17 @@ from palpate_arms.setpoint_buffer import PERIOD
 
 
 def tool_turn(work: WorkFrame, rotation: Floats) -> Floats:
-    """The turn (3,) of a tool (3, 3) in the base."""
+    """Return the turn (3,) of a tool (3, 3) in the base."""
     return rotation_vector(work.tool.T @ rotation)
 
 
 def turn_after(turn: Floats, more: Floats) -> Floats:
-    """A turn (3,) and then another one, in the frame that is turned already."""
+    """Return a turn (3,) and then another one, in the frame that is turned already."""
     return rotation_vector(rotation_matrix(turn.tolist()) @ rotation_matrix(more.tolist()))
 
 
 def turn_from_to(turn: Floats, other: Floats) -> Floats:
-    """The turn (3,) that leads from one to another, in the frame that is turned by the first."""
+    """Return the turn (3,) that leads from one to another, in the frame that is turned by the first."""
     if not other.any():
         return np.asarray(-turn)
     return rotation_vector(rotation_matrix(turn.tolist()).T @ rotation_matrix(other.tolist()))

@@ -66,7 +66,8 @@ class TrackingError:
         return self._lags(command, position, give)
 
     def _lags(self, command: Floats, position: Floats, give: float) -> str | None:
-        """An arm that has gone hardly any of its way within a time of commands, however many states came meanwhile."""
+        """Return an arm that has gone hardly any of its way within a time of commands, however many states came
+        meanwhile."""
         past = self._past
         past.append((self._cycles, command.copy(), position))
         while len(past) > 1 and self._cycles - past[1][0] >= self._window:
@@ -92,5 +93,5 @@ def length(vector: Floats) -> float:
 
 
 def mm(way: float) -> str:
-    """A way [m] as people read it."""
+    """Return a way [m] as people read it."""
     return f"{1e3 * way:.4g} mm"

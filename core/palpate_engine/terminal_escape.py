@@ -33,7 +33,7 @@ codecs.register_error("palpate-plain", _plainly)
 
 
 def _harmless(text: str) -> str:
-    r"""A text with its control characters written out.
+    r"""Return a text with its control characters written out.
 
     >>> _harmless("a\x1b]0;b")
     'a\\x1b]0;b'

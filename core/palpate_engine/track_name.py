@@ -11,7 +11,7 @@ class TrackName(str):
     estimator: str  # name of the [estimator.*] table
 
     def __new__(cls, model: str, estimator: str) -> TrackName:
-        """The name of a model with an estimator."""
+        """Return the name of a model with an estimator."""
         name = super().__new__(cls, f"{model}/{estimator}")
         name.model, name.estimator = model, estimator
         return name
@@ -21,7 +21,7 @@ class TrackName(str):
 
     @classmethod
     def parse(cls, text: str) -> TrackName:
-        """The name that a text spells; raises ValueError where it is not of the form MODEL/ESTIMATOR."""
+        """Return the name that a text spells; raises ValueError where it is not of the form MODEL/ESTIMATOR."""
         if isinstance(text, TrackName):
             return text
         model, slash, estimator = text.partition("/")

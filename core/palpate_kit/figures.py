@@ -44,7 +44,8 @@ def _settings() -> Any:
 
 
 def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:
-    """A figure of a width [mm] and its axes (rows, columns), each row of a height [mm]; to be called in the style."""
+    """Return a figure of a width [mm] and its axes (rows, columns), each row of a height [mm]; to be called in the
+    style."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -64,7 +65,7 @@ def legend_outside(axes: Any, columns: int = 3) -> None:
 
 
 def force_unit(size: float) -> tuple[str, float]:
-    """The unit in which forces of a size [N] show their digits, and how many of it one newton is.
+    """Return the unit in which forces of a size [N] show their digits, and how many of it one newton is.
 
     >>> force_unit(0.02)
     ('mN', 1000.0)

@@ -69,7 +69,7 @@ class FieldStatistics:
             self._stretch *= 2
 
     def surveys(self) -> tuple[FieldSurvey, ...]:
-        """Each field in numbers."""
+        """Return each field in numbers."""
         n = np.maximum(self._count, 1)
         with np.errstate(over="ignore", invalid="ignore"):
             variance = np.maximum(self._square / n - (self._sum / n) ** 2, 0.0)
@@ -91,7 +91,7 @@ class FieldStatistics:
 
 
 def sparkline(values: Floats, width: int = _WIDTH) -> str:
-    """The course of a signal in a few characters; flat where it does not move.
+    """Return the course of a signal in a few characters; flat where it does not move.
 
     >>> sparkline(np.array([0.0, 1.0, 2.0, 3.0]), 4)
     '▁▃▆█'

@@ -12,7 +12,8 @@ from palpate import LogError
 
 
 def regular(path: Path) -> Path:
-    """The path, if it is a file on a disk; raises LogError: a pipe or a device would be waited for, or have no end."""
+    """Return the path, if it is a file on a disk; raises LogError: a pipe or a device would be waited for, or have
+    no end."""
     try:
         there, usual = True, S_ISREG(path.stat().st_mode)
     except (FileNotFoundError, NotADirectoryError):

@@ -19,7 +19,7 @@ _ELEMENTS = 1000  # of an array that are columns
 
 
 def tables_of(container: Container, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every topic that contains numbers, in blocks, as recorded; what is left out, and why, goes to the notes."""
+    """Yield every topic that contains numbers, in blocks, as recorded; what is left out, and why, goes to the notes."""
     plans: dict[str, _TopicPlan | str] = {}
     for topic, messages in container.blocks(set(container.topics)):
         plan = _plan_of(container.topics[topic], plans)
@@ -35,7 +35,7 @@ def tables_of(container: Container, notes: list[str] | None = None) -> Iterator[
 
 
 def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
-    """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
+    """Yield every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
     plans: dict[str, _TopicPlan | str] = {}
     for topic, messages in container.blocks(set(container.topics)):
         plan = _plan_of(container.topics[topic], plans)
@@ -56,7 +56,7 @@ class _TopicPlan:
         self.long: dict[str, int] = {}  # elements of the arrays that have more of them than columns
 
     def numbers(self, messages: Messages) -> TopicTable:
-        """The numbers of a block; raises LogError."""
+        """Return the numbers of a block; raises LogError."""
         if self.columns is None:
             fields = self._decoder.fields(messages.payload(0))
             columns = tuple(islice(columns_of(fields, _ELEMENTS), _COLUMNS + 1))
@@ -68,7 +68,7 @@ class _TopicPlan:
         return self._decoder.read(messages, [FieldReading.parse(name) for name in self.columns])
 
     def texts(self, messages: Messages) -> tuple[Stamps | None, list[tuple[str, ...]]]:
-        """The texts of a block and its stamps [ns]; raises LogError."""
+        """Return the texts of a block and its stamps [ns]; raises LogError."""
         if self.columns is None:
             self.columns = tuple(self._decoder.texts(messages.payload(0)))
         self._charge(messages)
@@ -83,7 +83,7 @@ class _TopicPlan:
 
 
 def _plan_of(topic: Topic, plans: dict[str, _TopicPlan | str]) -> _TopicPlan | str:
-    """The plan of a topic, or why it has none."""
+    """Return the plan of a topic, or why it has none."""
     if topic.name not in plans:
         try:
             plans[topic.name] = _TopicPlan(topic)

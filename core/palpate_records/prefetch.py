@@ -49,7 +49,7 @@ class _PrefetchQueue(Generic[T]):
 
 
 def ahead(items: Generator[T], most: int) -> Generator[T]:
-    """The items in their order, of which a thread makes at most so many before they are asked for.
+    """Yield the items in their order, of which a thread makes at most so many before they are asked for.
 
     What it raises is raised in their place. The generator is run and closed in the thread, and nowhere else.
     """

@@ -104,7 +104,8 @@ class SystemSurvey(Protocol):
         ...
 
     def suggest(self, choices: Mapping[str, str]) -> Suggestion:
-        """A device that reads what is published; raises LogError where nothing in it can be force or position."""
+        """Return a device that reads what is published; raises LogError where nothing in it can be force or
+        position."""
         ...
 
 
@@ -114,7 +115,7 @@ class SupportsSurvey(Protocol):
 
     @classmethod
     def system_at(cls, address: str) -> SystemSurvey | None:
-        """The system at an address; None where it is not one of this kind. Raises ConfigurationError."""
+        """Return the system at an address; None where it is not one of this kind. Raises ConfigurationError."""
         ...
 
 
@@ -124,7 +125,7 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def recognises(cls, path: Path) -> bool:
-        """Whether a file or folder looks like a log of this format."""
+        """Return True if a file or folder looks like a log of this format."""
 
     @classmethod
     def is_last_resort(cls, path: Path) -> bool:
@@ -160,17 +161,18 @@ class Recording(Device, ABC):
 
     @classmethod
     def attached(cls, path: Path) -> LogAttachments:
-        """The texts that a log carries; none where the format, or this log, has none. Raises LogError."""
+        """Return the texts that a log carries; none where the format, or this log, has none. Raises LogError."""
         return LogAttachments()
 
     @classmethod
     def playback(cls, path: Path, device: str) -> dict[str, Any]:
-        """The table of a device that plays back what the device of that name has recorded in a log."""
+        """Return the table of a device that plays back what the device of that name has recorded in a log."""
         raise LogError(f"{path}: a log of this format cannot replace the devices of a pipeline")
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
-        """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
+        """Return every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n
+        rows."""
         return iter(())
 
     @classmethod

@@ -113,7 +113,7 @@ class _TopicCounts:
         return f"its transforms are of {names}: select = NAME chooses one" if self._frames else ""
 
     def survey(self) -> TopicSurvey:
-        """All of it in numbers."""
+        """Return all of it in numbers."""
         names = tuple(path if count is None else f"{path}[{count}]" for path, count in self.fields.items())
         still = self._stamps is not None and self._count > 10 and self._stamps[0] == self._stamps[1]
         steps, late = self._steps.values, self._late.values
@@ -155,7 +155,7 @@ def survey_of(container: Container, path: Path, kind: str, progress: Progress = 
 
 
 def columns_of(fields: Mapping[str, int | None], most: int = _SHOWN) -> Iterator[str]:
-    """Every number of a message by its own name, array elements counted from 0, at most so many of each array."""
+    """Yield every number of a message by its own name, array elements counted from 0, at most so many of each array."""
     for path, count in fields.items():
         if count is None:
             yield path

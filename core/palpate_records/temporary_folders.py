@@ -33,7 +33,7 @@ def scratch(beside: Path | None = None) -> Iterator[Path]:
 
 
 def _locked(root: Path, prefix: str) -> tuple[Path, IO[bytes]]:
-    """A new folder with its lock held: another process may remove it as long as it is not."""
+    """Return a new folder with its lock held: another process may remove it as long as it is not."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=prefix, dir=root))
         lock = (folder / _LOCK).open("wb")

@@ -21,12 +21,12 @@ _ROUGHER = 1.5  # times the noise of its beginning, that a line through all of t
 
 
 def may_decide(settings: AlignmentSettings) -> bool:
-    """Whether a record's own noise may say what counts as touch, once there are readings enough."""
+    """Return True if a record's own noise may say what counts as touch, once there are readings enough."""
     return settings.touch_force == "noise" or (settings.tip_mass == 0 and settings.touch_force is None)
 
 
 def decides(samples: Samples) -> bool:
-    """Whether the first readings of a record scatter by far less than a robot's force."""
+    """Return True if the first readings of a record scatter by far less than a robot's force."""
     first = samples.force[:FIRST_READINGS]
     known = first[np.isfinite(first)]
     return (
@@ -67,7 +67,8 @@ def _air_line(air: Samples) -> AirLine:
 
 
 def tare_in_contact(settings: AlignmentSettings, noise: float) -> Tare | None:
-    """The stated tare of a record that begins in contact, and the noise [N] of its readings; None if none is stated."""
+    """Return the stated tare of a record that begins in contact, and the noise [N] of its readings; None if none is
+    stated."""
     if settings.tare == "free-air":
         return None
     offset = 0.0 if settings.tare == "none" else float(settings.tare)

@@ -50,13 +50,13 @@ class Aligner:
         self._reader.feed(device, batch)
 
     def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
-        """The samples that some batches, each with its device, have made ready."""
+        """Return the samples that some batches, each with its device, have made ready."""
         for device, batch in arrivals:
             self.feed(device, batch)
         return self.samples(final)
 
     def samples(self, final: bool = False) -> Samples:
-        """The samples that have become ready, read-only; with `final`, all that the record still holds."""
+        """Return the samples that have become ready, read-only; with `final`, all that the record still holds."""
         block = self._paired(final)
         if not len(block) and not final:
             return block

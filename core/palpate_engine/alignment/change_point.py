@@ -35,7 +35,7 @@ class ChangePoint:
 
 
 def change_point(position: Floats, force: Floats) -> ChangePoint | None:
-    """The surface in a stretch of samples (n,) [m], [N]; None where a constant force explains them as well.
+    """Return the surface in a stretch of samples (n,) [m], [N]; None where a constant force explains them as well.
 
     For every height, offset and rise follow linearly; the height is searched on a grid that narrows (Golub and Pereyra
     1973). Readings that are not finite are left out.
@@ -88,7 +88,7 @@ def white_noise(values: Floats) -> float:
 
 
 def samples_as_one(residual: Floats, parts: int = _PARTS) -> float:
-    """How many samples count as one, from the scatter of the means of parts, of eighths; at least 1."""
+    """Return how many samples count as one, from the scatter of the means of parts, of eighths; at least 1."""
     edges, sizes = even_parts(len(residual), parts)
     means = np.add.reduceat(residual, edges) / sizes
     variance = float(residual @ residual) / len(residual)

@@ -86,7 +86,7 @@ class ContactDetector:
         return self._load.pull if self._load is not None else 0.0
 
     def feed(self, samples: Samples, final: bool = False) -> Samples:
-        """The samples known to be in contact or not; all remaining ones where `final`."""
+        """Return the samples known to be in contact or not; all remaining ones where `final`."""
         if self._load is None:
             return self._before_tare(samples, final)
         samples = self._load.compensated(samples)
@@ -114,7 +114,7 @@ class ContactDetector:
         return self._before_touch(onset, final)
 
     def _by_noise(self, search: TouchSearch, final: bool) -> Samples:
-        """All samples from the first touch on, which their own noise shows; by the threshold where it cannot."""
+        """Return all samples from the first touch on, which their own noise shows; by the threshold where it cannot."""
         latest = self._waiting[-1]
         if not final and sum(map(len, self._waiting)) < max(search.due, FIRST_READINGS):
             return latest[:0]
@@ -137,7 +137,7 @@ class ContactDetector:
     def _touch_with_tare(
         self, search: TouchSearch, samples: Samples, final: bool
     ) -> tuple[RecordTouch | None, Tare | None]:
-        """The first touch that has air before it, and the tare of that air; None without one.
+        """Return the first touch that has air before it, and the tare of that air; None without one.
 
         A touch without air is looked for in whole records only, for the begin of a bend looks like one.
         """
@@ -159,7 +159,7 @@ class ContactDetector:
         return replace(samples, contact=contact, active=contact & samples.active)
 
     def _can_settle(self, samples: Samples) -> bool:
-        """Whether the tare can be settled: contact that is found within the lag still shortens it."""
+        """Return True if the tare can be settled: contact that is found within the lag still shortens it."""
         if len(samples) < FIRST_SAMPLES:
             return False
         return self._settings.tare != "free-air" or bool(

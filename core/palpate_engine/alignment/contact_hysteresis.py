@@ -24,7 +24,7 @@ class ContactHysteresis:
         self.touches = 1
 
     def contact(self, samples: Samples) -> NDArray[np.bool_]:
-        """Whether samples (n,), at least one, are in contact; counts touches."""
+        """Return True if samples (n,), at least one, are in contact; counts touches."""
         event = np.concatenate([[1 if self._in_contact else -1], self._events(samples)])
         latest = np.maximum.accumulate(np.where(event != 0, np.arange(len(event)), 0))
         contact: NDArray[np.bool_] = event[latest][1:] > 0

@@ -60,11 +60,11 @@ class ContactOnset:
         self.shown = None if found is None else found + offset
 
     def is_whole(self, final: bool) -> bool:
-        """Whether as much contact is held as is needed to locate its begin, or no more comes."""
+        """Return True if as much contact is held as is needed to locate its begin, or no more comes."""
         return self.shown is not None and (final or len(self.held) > self.shown + self._lookback.after)
 
     def is_lost(self) -> bool:
-        """Whether the contact that shows proves to be none; if so, the search has gone on after it.
+        """Return True if the contact that shows proves to be none; if so, the search has gone on after it.
 
         An arm that starts again after a hold-up pushes the tip's mass: the force passes the threshold and is gone while
         the tip goes on downwards, as it never is in contact.
@@ -120,7 +120,7 @@ class ContactOnset:
         return 0 if whole else max(shown - self._lookback.back, 0)
 
     def _change_point(self, shown: int, end: int) -> ChangePoint | None:
-        """The change point in the baseline, what is looked back over, and what is held up to `end`."""
+        """Return the change point in the baseline, what is looked back over, and what is held up to `end`."""
         if not self._lookback.back:
             return None
         stretch = self.held.stretch(self._earliest(shown), end)

@@ -58,7 +58,8 @@ class ContactThreshold:
 
 
 def run_lengths(condition: NDArray[np.bool_], before: int) -> NDArray[np.int64]:
-    """How many samples up to each one meet a condition without interruption, `before` of them in the last block."""
+    """Return how many samples up to each one meet a condition without interruption, `before` of them in the last
+    block."""
     index = np.arange(len(condition))
     broken = np.maximum.accumulate(np.where(condition, -1, index))
     return np.where(broken < 0, index + 1 + before, index - broken)

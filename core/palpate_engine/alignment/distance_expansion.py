@@ -85,5 +85,5 @@ def expand_distance(
 
 
 def _rows(matrix: Floats, vectors: Floats) -> Floats:
-    """A matrix (3, 3) times each of vectors (n, 3), the same bits whatever other rows there are."""
+    """Return a matrix (3, 3) times each of vectors (n, 3), the same bits whatever other rows there are."""
     return np.stack([dot_columns(vectors.T, row) for row in matrix], axis=-1)

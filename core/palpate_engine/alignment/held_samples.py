@@ -57,7 +57,7 @@ class HeldSamples:
         self._held = samples if self._held is None else Samples.joined([self._held, samples])
 
     def release(self, final: bool) -> Samples:
-        """The first of the samples, all but those that are looked back over, which stay; all where `final`."""
+        """Return the first of the samples, all but those that are looked back over, which stay; all where `final`."""
         held = self.samples
         ready = len(held) if final else max(len(held) - self._lookback.back, 0)
         given, self._held = held[:ready], held[ready:]

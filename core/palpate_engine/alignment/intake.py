@@ -28,7 +28,7 @@ class Intake:
             self._fed[port.key].append(series)
 
     def _pause(self, stream: Stream) -> float:
-        """How long [s] readings of a stream may fail to come before that is a gap."""
+        """Return how long [s] readings of a stream may fail to come before that is a gap."""
         return max(self._gap, _SLOW / stream.rate if stream.rate else 0.0)
 
     def feed(self, device: str, batch: Batch) -> None:

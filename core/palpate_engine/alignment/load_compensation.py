@@ -23,7 +23,7 @@ class LoadCompensation:
         self._weight = (settings.tip_mass or 0.0) * GRAVITY if weighs else None  # [N]
 
     def compensated(self, samples: Samples) -> Samples:
-        """The samples with the force of the contact."""
+        """Return the samples with the force of the contact."""
         force = samples.force - self.tare.offset
         return replace(samples, force=force if self._weight is None else force + self._weight)
 

@@ -51,7 +51,7 @@ class Port:
         return tuple(found)
 
     def has(self, units: Mapping[str, str]) -> bool:
-        """Whether the stream has channels of some names, each in its unit."""
+        """Return True if the stream has channels of some names, each in its unit."""
         own = {channel.name: channel.unit for channel in self.stream.channels}
         return all(own.get(name) == unit for name, unit in units.items())
 
@@ -61,7 +61,7 @@ class Port:
         return Port(self.signal.model_copy(update={"sign": 1}), self.device, self.stream, column, limits)
 
     def named(self, channel: str) -> Port:
-        """The column of the stream that has a name; raises KeyError where none has."""
+        """Return the column of the stream that has a name; raises KeyError where none has."""
         names = [one.name for one in self.stream.channels]
         if channel not in names:
             raise KeyError(channel)
@@ -77,7 +77,7 @@ class Ports:
 
     @classmethod
     def of(cls, settings: AlignmentSettings, streams: Streams) -> Ports:
-        """The ports of all signals; raises KeyError with a channel that no device has."""
+        """Return the ports of all signals; raises KeyError with a channel that no device has."""
         places = {name: (device, stream, column) for name, device, stream, column in channels(streams)}
         roles = {}
         for role, signal in signals(settings):
@@ -95,14 +95,14 @@ class Ports:
 
 
 def signals(settings: AlignmentSettings) -> Iterator[tuple[str, Signal]]:
-    """Every role that has a channel, with its signal."""
+    """Yield every role that has a channel, with its signal."""
     for role in AlignmentSettings.model_fields:
         if isinstance(signal := getattr(settings, role), Signal):
             yield role, signal
 
 
 def channels(streams: Streams) -> Iterator[tuple[str, str, Stream, int]]:
-    """Every channel: as a pipeline names it, its device, stream and column."""
+    """Yield every channel: as a pipeline names it, its device, stream and column."""
     for device, group in streams.items():
         for stream in group:
             for column, channel in enumerate(stream.channels):

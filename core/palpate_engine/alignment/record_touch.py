@@ -50,7 +50,7 @@ class TouchSearch:
         self.due = FIRST_READINGS  # samples at which the next look is taken
 
     def found(self, samples: Samples, final: bool) -> RecordTouch | None:
-        """The touch, by all samples of the record so far; where `final`, a look at the end is the last."""
+        """Return the touch, by all samples of the record so far; where `final`, a look at the end is the last."""
         while self.due <= len(samples) or (final and self._looked < len(samples)):
             self._looked = min(self.due, len(samples))
             touch = record_touch(samples[: self._looked], self._most_mass)
@@ -61,11 +61,13 @@ class TouchSearch:
         return None
 
     def of_record(self, samples: Samples) -> RecordTouch | None:
-        """The touch by all samples of a record that has ended, where a law of contact from its begin explains them."""
+        """Return the touch by all samples of a record that has ended, where a law of contact from its begin explains
+        them."""
         return record_touch(samples, self._most_mass, _BELIEVED_WITHOUT_AIR)
 
     def is_air(self, samples: Samples) -> bool:
-        """Whether a record without a touch has no more force than a cable and inertia may give, or hum explains it."""
+        """Return True if a record without a touch has no more force than a cable and inertia may give, or hum
+        explains it."""
         known = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
         bend = _accelerated(known.time, known.force, known.position)[3] if len(known) > FEWEST_IN_AIR else None
         is_still = float(np.ptp(known.force)) < _range_in_air(known.position, bend, self._most_mass)
@@ -73,7 +75,7 @@ class TouchSearch:
 
 
 def record_touch(samples: Samples, most_mass: float, believed: float = _BELIEVED) -> RecordTouch | None:
-    """The touch that samples from a record's begin show; None where air explains them as well.
+    """Return the touch that samples from a record's begin show; None where air explains them as well.
 
     Air is F = b + s t + k z - m a + noise with m from 0 to `most_mass` [kg]: the sensor's zero and its drift, a cable
     or a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. It is found where
@@ -143,7 +145,7 @@ def _gain_over_wave(time: Floats, basis: Floats, rest: Floats, left: Floats, int
 
 
 def _is_hum(samples: Samples) -> bool:
-    """Whether drift, travel and a wave that hum may be leave of the force no more than its noise."""
+    """Return True if drift, travel and a wave that hum may be leave of the force no more than its noise."""
     if len(samples) < 2 * FEWEST_IN_AIR:
         return False
     size = -(-len(samples) // _ROWS)
@@ -239,5 +241,5 @@ def _fitted(terms: list[Floats], force: Floats) -> Floats:
 
 
 def _as_one(residual: Floats) -> float:
-    """How many readings count as one."""
+    """Return how many readings count as one."""
     return max((samples_as_one(residual, parts) for parts in _PARTS if len(residual) >= parts), default=1.0)

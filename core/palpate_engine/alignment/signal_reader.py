@@ -46,7 +46,7 @@ class SignalReader(Protocol):
 
     @abstractmethod
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
-        """The signals at the first `count` instants [ns], which become samples; the next is for differences."""
+        """Return the signals at the first `count` instants [ns], which become samples; the next is for differences."""
 
     @abstractmethod
     def release(self, contact: NDArray[np.bool_]) -> None:
@@ -79,7 +79,7 @@ class FixedToolReader(SignalReader):
             self._tilt.feed(batch)
 
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
-        """The columns as they are, but for the height of a stage."""
+        """Return the columns as they are, but for the height of a stage."""
         height = self._series["position"].values[: len(stamps)]
         velocity = self._series["velocity"].at(stamps[:count]) if "velocity" in self._series else None
         force = self._series["force"].at(stamps if self._beam is not None else stamps[:count])

@@ -56,7 +56,7 @@ class RiseFinder:
         return found
 
     def _risen(self, last: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether the average that ends with each of these blocks is above its baseline."""
+        """Return True if the average that ends with each of these blocks is above its baseline."""
         padded = np.concatenate([np.full(_WIDTH, np.nan), self._means])
         begins = last + 1
         latest = begins[:, None] + np.arange(_WIDTH - _AVERAGED, _WIDTH)
@@ -71,7 +71,7 @@ class RiseFinder:
         return likely
 
     def _beyond(self, baseline: Floats, now: Floats) -> NDArray[np.bool_]:
-        """Whether averages (n,) are above baselines (n, m) by more than these scatter."""
+        """Return True if averages (n,) are above baselines (n, m) by more than these scatter."""
         mean, square = _moments(baseline)
         parts = baseline.reshape(len(now), -1, _AVERAGED).mean(axis=2)
         scatter = np.maximum(_moments(parts)[1], _uneven(baseline, square))

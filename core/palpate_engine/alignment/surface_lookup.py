@@ -57,5 +57,5 @@ class SurfaceLookup:
 
 
 def _length(reached: NDArray[np.bool_]) -> int:
-    """How many of the first are true."""
+    """Return how many of the first are true."""
     return len(reached) if reached.all() else int(np.argmin(reached))

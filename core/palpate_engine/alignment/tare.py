@@ -19,7 +19,7 @@ _FEWEST = 10  # samples
 
 
 def stated_tare(settings: AlignmentSettings) -> Tare | None:
-    """The tare that the settings say; None where it is to be measured."""
+    """Return the tare that the settings say; None where it is to be measured."""
     if settings.tare == "free-air":
         return None
     return Tare(0.0 if settings.tare == "none" else float(settings.tare), settings.tare_uncertainty, None)
@@ -56,13 +56,13 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
 
 
 def where(samples: Samples, rows: NDArray[np.bool_]) -> Samples:
-    """The samples for which something holds; without a copy where these are the first ones."""
+    """Return the samples for which something holds; without a copy where these are the first ones."""
     count = int(np.count_nonzero(rows))
     return samples[:count] if rows[:count].all() else samples[rows]
 
 
 def _at_rest(force: Floats) -> bool:
-    """Whether a record scatters within its sixths rather than wandering from one to the next."""
+    """Return True if a record scatters within its sixths rather than wandering from one to the next."""
     edges, sizes = even_parts(len(force), 6)
     means = np.add.reduceat(force, edges) / sizes
     between = float(means.std())

@@ -72,11 +72,11 @@ class ToolFrame:
 
     @staticmethod
     def is_axial(mounting: tuple[float, ...], axis: int) -> bool:
-        """Whether one of the sensor's axes is along the tool."""
+        """Return True if one of the sensor's axes is along the tool."""
         return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
 
     def load(self, readings: Vector, rows: Rotations, normal: Vector | None = None) -> Load:
-        """The force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
+        """Return the force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
 
         Along the `normal` at each place, where that is given.
         """
@@ -113,7 +113,7 @@ class ToolFrame:
         return place[0] * x + place[1] * y + place[2] * z
 
     def _in_sensor(self, rows: Rotations, direction: tuple[float, ...] | Vector) -> Vector:
-        """A direction of the frame of the poses in the sensor's axes: M^T R^T d."""
+        """Return a direction of the frame of the poses in the sensor's axes: M^T R^T d."""
         d = direction
         tool = [d[0] * rows[0][i] + d[1] * rows[1][i] + d[2] * rows[2][i] for i in range(3)]
         a, b, c = (tool[0] * m[0] + tool[1] * m[1] + tool[2] * m[2] for m in self._columns)
@@ -153,13 +153,13 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
 
 
 def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
-    """A vector (3,) in its direction, of length 1."""
+    """Return a vector (3,) in its direction, of length 1."""
     length = math.hypot(*vector)
     return tuple(part / length for part in vector)
 
 
 def axis_out(rows: Rotations) -> Vector:
-    """The tool's axis (n,), out of the skin at which its z looks."""
+    """Return the tool's axis (n,), out of the skin at which its z looks."""
     return -rows[0][2], -rows[1][2], -rows[2][2]
 
 

@@ -78,7 +78,7 @@ class VelocityCheck:
 
     @property
     def _is_enough(self) -> bool:
-        """Whether there are stretches that are many and short enough."""
+        """True if there are stretches that are many and short enough."""
         self._take_in()
         return self._stretches >= 20 and 2 * self._long <= self._stretches and self._known >= 10
 
@@ -103,5 +103,5 @@ class VelocityCheck:
 
 
 def _added(total: float, values: Floats) -> float:
-    """A total and values (n,), one after the other however they are cut."""
+    """Return a total and values (n,), one after the other however they are cut."""
     return float(np.cumsum(np.concatenate([[total], values]))[-1])

@@ -71,7 +71,7 @@ def parse_arguments(arguments: Sequence[str]) -> Invocation:
 
 
 def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Path]]:
-    """The arguments without ``--plugin FILE``, which may stand anywhere, and the files.
+    """Return the arguments without ``--plugin FILE``, which may stand anywhere, and the files.
 
     The file's name must end in .py behind a command, where ``palpate init --plugin tip`` means something else.
     Raises ConfigurationError where it may be a file that a pattern of the shell, such as ``*``, has found.
@@ -94,7 +94,7 @@ def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Pat
 
 
 def call_of(invocation: Invocation) -> CommandCall:
-    """The command that is meant, a subcommand before a command; raises PluginError where no plugin has it."""
+    """Return the command that is meant, a subcommand before a command; raises PluginError where no plugin has it."""
     registry = command_offers()
     first, *rest = invocation.words
     below = registry.subcommands(first)
@@ -116,7 +116,7 @@ def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: 
 
 
 def command_offers() -> Registry:
-    """The commands of all plugins; raises PluginError where two claim one name."""
+    """Return the commands of all plugins; raises PluginError where two claim one name."""
     from palpate.registry import load_commands
 
     return load_commands()
@@ -181,7 +181,7 @@ def epilog(call: CommandCall) -> str | None:
 
 
 def is_hidden(call: CommandCall, names: Sequence[str]) -> bool:
-    """Whether the help of a command leaves a parameter of such names out; arguments are always shown."""
+    """Return True if the help of a command leaves a parameter of such names out; arguments are always shown."""
     first = call.command.first_options if call.command is not None else ()
     every = any(word in _HELP and following == "all" for word, following in pairwise(call.arguments))
     return bool(first) and not every and names[0].startswith("-") and not set(names) & {*first, *_HELP}

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 def values_on_trust(pipeline: Pipeline) -> dict[str, str]:
-    """The values taken as known, by key, in display units: the tips, numbers of the models, delays, mass and tare."""
+    """Return the values taken as known, by key, in display units: the tips, numbers of the models, delays, mass and
+    tare."""
     found: dict[str, str] = {}
     for name, tip in pipeline.indenters.items():
         found[f"indenter.{name}.type"] = pipeline.registry.name_of(type(tip))
@@ -42,7 +43,8 @@ def _shown(value: float, unit: str) -> str:
 
 
 def assumed_keys(patterns: Iterable[str], pipeline: Pipeline, stated: Iterable[str]) -> tuple[str, ...]:
-    """The keys that patterns name, less those that the command line has stated; what names nothing stays as it is."""
+    """Return the keys that patterns name, less those that the command line has stated; what names nothing stays as
+    it is."""
     known, said = values_on_trust(pipeline), set(stated)
     keys: dict[str, None] = {}
     for pattern in patterns:

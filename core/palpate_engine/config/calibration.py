@@ -14,7 +14,7 @@ from palpate_engine.config.pipeline import CalibrationUse, RunSettings
 def calibration_of(
     run: RunSettings | None, alignment: AlignmentSettings | None, registry: Registry
 ) -> tuple[CalibrationUse | None, list[Mistake]]:
-    """The calibration that ``[run]`` names, if any, and what is wrong with it."""
+    """Return the calibration that ``[run]`` names, if any, and what is wrong with it."""
     wanted = alignment is not None and alignment.tare == "calibrated"
     if run is None or run.calibration is None:
         problem = Mistake(("alignment", "tare"), 'is "calibrated", but [run] names no calibration')

@@ -11,7 +11,7 @@ from palpate_engine.config.pipeline import ControlUse, RunSettings
 
 
 def control_of(run: RunSettings | None, registry: Registry) -> tuple[ControlUse | None, list[Mistake]]:
-    """The control chart that ``[run]`` names, if any, and what is wrong with it."""
+    """Return the control chart that ``[run]`` names, if any, and what is wrong with it."""
     if run is None or run.control is None:
         return None, []
     if not registry.controls:

@@ -34,7 +34,7 @@ def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, A
 
 
 def declared_std(value: Any, unit: str) -> float:
-    """A declared standard uncertainty [unit]; raises ValueError for anything else."""
+    """Return a declared standard uncertainty [unit]; raises ValueError for anything else."""
     std = float(value) if unit == "1" and not isinstance(value, str) else to_si(value, unit)
     if not (std >= 0 and math.isfinite(std)):
         raise ValueError(f"{value!r} is not a standard uncertainty: it must be finite and not negative")

@@ -13,7 +13,7 @@ DIALECT = "dialect"
 
 
 def dialect_tables(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The tables of a pipeline with those of a dialect in place of its own; of no name its own.
+    """Return the tables of a pipeline with those of a dialect in place of its own; of no name its own.
 
     Raises ConfigurationError for an unknown dialect.
     """
@@ -27,7 +27,7 @@ def dialect_tables(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def with_dialect(tables: Mapping[str, Any], name: str, others: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables with a dialect of what other tables of a pipeline have otherwise."""
+    """Return the tables with a dialect of what other tables of a pipeline have otherwise."""
     own = {key: table for key, table in others.items() if tables.get(key) != table}
     return {**tables, DIALECT: {**tables.get(DIALECT, {}), name: own}}
 

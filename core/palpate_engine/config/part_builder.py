@@ -23,7 +23,7 @@ class _PartError(Exception):
 
 
 def _short(name: str) -> str:
-    """A name of one word for a table."""
+    """Return a name of one word for a table."""
     return name.replace("-", "_")
 
 
@@ -39,7 +39,7 @@ class Builder:
         self._begun: set[Location] = set()  # parts that are being built: one that needs such a part needs itself
 
     def parts(self, kind: str) -> dict[str, Any]:
-        """Every part of a kind that the file names and that is in order."""
+        """Return every part of a kind that the file names and that is in order."""
         tables = self._tables.get(kind, {})
         if not isinstance(tables, dict):
             self._note((kind,), f"is not a table: name each {kind}, as in [{kind}.my_{kind}]")
@@ -55,7 +55,7 @@ class Builder:
         return found
 
     def settings(self, settings: type[Settings], location: Location) -> Any:
-        """The settings of one plain table, or None where they are not in order."""
+        """Return the settings of one plain table, or None where they are not in order."""
         table = self._tables.get(location[0], {})
         try:
             return self._validated(settings, table, location)
@@ -139,7 +139,7 @@ class Builder:
         return mistakes + [Mistake((*location, name), doubt) for name, doubt in found.items() if name not in meant]
 
     def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
-        """A field's value: what asks for a part gets one, by its name or from a table in place."""
+        """Return a field's value: what asks for a part gets one, by its name or from a table in place."""
         kind = part_kind(annotation)
         entry = table_of_parts(annotation)
         if entry is not None and isinstance(value, dict):
@@ -166,7 +166,7 @@ class Builder:
 
 
 def unknown_tables(tables: dict[str, Any], registry: Registry) -> list[Mistake]:
-    """A mistake for every top-level table that neither the core nor a plugin knows."""
+    """Return a mistake for every top-level table that neither the core nor a plugin knows."""
     allowed = (*CORE_TABLES, *registry.tables, *hooks.PART_KINDS)
     unknown = [name for name in tables if name not in (*allowed, KEY)]
     return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in unknown]

@@ -129,15 +129,16 @@ class CalibrationUse(Protocol):
         ...
 
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
-        """Why its offset need not be that of the sensor as it is now; None where it is."""
+        """Return why its offset need not be that of the sensor as it is now; None where it is."""
         ...
 
     def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
-        """The settings with what the calibration knows wherever the file leaves them open."""
+        """Return the settings with what the calibration knows wherever the file leaves them open."""
         ...
 
     def estimator(self, estimator: Any) -> Any:
-        """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
+        """Return an estimator with the calibration's noise wherever it has such a setting and the file leaves it
+        open."""
         ...
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
@@ -149,7 +150,7 @@ class ControlUse(Protocol):
     """A control chart that a pipeline names, with the check that stands behind a run."""
 
     def facts(self, started: datetime) -> Mapping[str, Any]:
-        """The last check for ``run.control`` of result.json; its age is that when the run started."""
+        """Return the last check for ``run.control`` of result.json; its age is that when the run started."""
         ...
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:

@@ -38,7 +38,7 @@ from palpate_engine.track_name import TrackName
 
 
 def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True, named: bool = True) -> Pipeline:
-    """The pipeline in a file, with ``table.key=value`` overrides on top.
+    """Return the pipeline in a file, with ``table.key=value`` overrides on top.
 
     Without `estimates` the file need not name models and estimators, and takes nothing from a calibration: enough to
     move and to record. The plugin files of a file that a person has `named` may be executed; see `Source.read`.
@@ -52,7 +52,7 @@ def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = T
 
 
 def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
-    """The pipeline in a source; raises like `load_pipeline`."""
+    """Return the pipeline in a source; raises like `load_pipeline`."""
     tables = source.tables
     builder, registry, run = _begun(source)
     stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
@@ -114,7 +114,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
 
 
 def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
-    """The builder of a source, the plugins that it asks for, and its ``[run]``."""
+    """Return the builder of a source, the plugins that it asks for, and its ``[run]``."""
     tables = source.tables
     choose_dialect(source)
     apply_bases(source)
@@ -143,7 +143,7 @@ def _add_plugins_at_hand(source: Source) -> None:
 
 
 def plugin_files(source: Source) -> tuple[PluginFile, ...]:
-    """The plugin files that a source names, with content that may be executed.
+    """Return the plugin files that a source names, with content that may be executed.
 
     Raises ConfigurationError for what is not a list of files, ConsentError where one may not be executed.
     """
@@ -159,7 +159,7 @@ def plugin_files(source: Source) -> tuple[PluginFile, ...]:
 
 
 def _registry(source: Source) -> Registry:
-    """The parts of the installed plugins and of the files that [run] names, once all of them are approved."""
+    """Return the parts of the installed plugins and of the files that [run] names, once all of them are approved."""
     files = plugin_files(source)
     announce(files)
     return registries.load(files)
@@ -178,7 +178,7 @@ def _wrong_signals(
 
 
 def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, ContactModel]) -> list[Mistake]:
-    """A weight to subtract that is not known, and an inclination that would count twice."""
+    """Return a weight to subtract that is not known, and an inclination that would count twice."""
     mistakes = []
     if alignment.weight == "turning" and alignment.tip_mass is None:
         problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
@@ -200,7 +200,7 @@ def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactMo
 
 
 def build_parts(source: Source, kind: str, registry: Registry | None = None) -> dict[str, Any]:
-    """The parts of one kind in a source, whatever else it lacks; raises like `load_pipeline`.
+    """Return the parts of one kind in a source, whatever else it lacks; raises like `load_pipeline`.
 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
@@ -222,7 +222,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
 
 
 def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, Any]]) -> list[Mistake]:
-    """A rehearsal without its twin; one that is read from its log needs none."""
+    """Return a rehearsal without its twin; one that is read from its log needs none."""
     if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
         return []
     known = suggest(run.rehearsal, kinds["twin"])

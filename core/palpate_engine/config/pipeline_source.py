@@ -49,7 +49,7 @@ class Source:
 
     @classmethod
     def read(cls, path: Path, named: bool = True) -> Source:
-        """The pipeline file at a path, which a person has `named`, unless it was found in a run folder.
+        """Return the pipeline file at a path, which a person has `named`, unless it was found in a run folder.
 
         At the command line it counts as named only if it is among the arguments. Raises ConfigurationError where it
         cannot be read.
@@ -101,12 +101,12 @@ class Source:
                 self.state(keys, value, by)
 
     def is_stated(self, location: Location) -> bool:
-        """Whether the command line has set a key, or a table around it."""
+        """Return True if the command line has set a key, or a table around it."""
         return any(location[:length] in self._stated for length in range(1, len(location) + 1))
 
     @property
     def has_chosen_plugins(self) -> bool:
-        """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
+        """True if a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
         return self._plugins_named if _PLUGINS in self._stated else self.named
 
     @property
@@ -115,7 +115,7 @@ class Source:
         return sorted(".".join(keys) for keys in self._stated)
 
     def table(self, location: Location) -> dict[str, Any]:
-        """The table at a location."""
+        """Return the table at a location."""
         table: dict[str, Any] = self.tables
         for key in location:
             table = table[key]
@@ -134,7 +134,7 @@ class Source:
         return str(self.path)
 
     def line(self, location: Location) -> int:
-        """The line of a location, for sorting; 0 where it has none."""
+        """Return the line of a location, for sorting; 0 where it has none."""
         return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
 
 
@@ -154,7 +154,7 @@ def parsed_assignment(text: str) -> tuple[Location, Any]:
 
 
 def _pointed(text: str, path: Path, problem: str) -> str:
-    """A message about text that is not TOML, with the line and a caret below the place."""
+    """Return a message about text that is not TOML, with the line and a caret below the place."""
     found = re.search(r"\s*\(at line (\d+), column (\d+)\)$", problem)
     if found is None:
         return f"{path}: not TOML: {problem}"
@@ -173,7 +173,7 @@ def _toml_value(text: str) -> Any:
 
 
 def _deeper(value: Any, most: int) -> bool:
-    """Whether tables and lists are nested more than so deep."""
+    """Return True if tables and lists are nested more than so deep."""
     if not isinstance(value, dict | list):
         return False
     inner = value.values() if isinstance(value, dict) else value

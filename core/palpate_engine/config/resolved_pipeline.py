@@ -22,7 +22,7 @@ POISSON = "poisson"  # of a model: a fact of the specimen, which is open until i
 
 
 def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
-    """The pipeline as a TOML text in SI units, with every default spelled out but a Poisson's ratio.
+    """Return the pipeline as a TOML text in SI units, with every default spelled out but a Poisson's ratio.
 
     Tips, models and surfaces are named where they are used, so that what changes one changes all that is made of it.
     Paths are absolute, so that the text means the same wherever it is kept; those `beside` a folder are as seen from
@@ -70,7 +70,7 @@ def _origins(pipeline: Pipeline) -> str:
 
 
 def _as_seen_from(folder: Path, value: Any) -> Any:
-    """The same with every absolute path of a file or folder that there is as seen from a folder."""
+    """Return the same with every absolute path of a file or folder that there is as seen from a folder."""
     if isinstance(value, dict):
         return {key: _as_seen_from(folder, item) for key, item in value.items()}
     if isinstance(value, list):
@@ -81,7 +81,7 @@ def _as_seen_from(folder: Path, value: Any) -> Any:
 
 
 def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:
-    """The same with the name of each part that stands in a table of its own in place of its settings."""
+    """Return the same with the name of each part that stands in a table of its own in place of its settings."""
     if isinstance(value, dict):
         inner = {key: _by_name(item, named) for key, item in value.items()}
         same = (name for parts in named.values() for name, part in parts.items() if part in (value, inner))

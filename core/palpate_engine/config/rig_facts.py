@@ -88,7 +88,7 @@ class _Words:
 
 
 def _truth(text: object) -> object:
-    """The same where it is a sentence of true values; raises the error of validation."""
+    """Return the same where it is a sentence of true values; raises the error of validation."""
     try:
         truth_in_words(text)
     except ValueError as error:
@@ -112,7 +112,7 @@ _Length = Annotated[Any, BeforeValidator(_Words("m", least=0.0))]
 
 
 def _fact(description: str, fact: str = "", question: str = "", example: str = "", **more: str) -> Any:
-    """A field: its documentation, the fact that it states, what is asked for it, and an answer as an example."""
+    """Return a field: its documentation, the fact that it states, what is asked for it, and an answer as an example."""
     extra = {"fact": fact, "question": question, "example": example, **more}
     return Field(default=None, description=description, json_schema_extra={k: v for k, v in extra.items() if v})
 
@@ -194,7 +194,7 @@ def position_of(position: str | None, beam: object) -> str | None:
 
 
 def facts_stated() -> dict[str, str]:
-    """The key that states each fact of a condition."""
+    """Return the key that states each fact of a condition."""
     fields = RigFacts.model_fields
     return {fact: name for name in fields if (fact := _extra(name).get("fact"))}
 
@@ -210,7 +210,7 @@ def question_of(name: str) -> tuple[str, str]:
 
 
 def option_of(name: str) -> str:
-    """The option of a key."""
+    """Return the option of a key."""
     return f"--{_extra(name).get('option', name.replace('_', '-'))}"
 
 
@@ -234,7 +234,7 @@ def remedy_of(fact: str) -> str:
 
 
 def read_rig(path: Path) -> RigFacts:
-    """The facts in a file; raises ConfigurationError with every mistake at once."""
+    """Return the facts in a file; raises ConfigurationError with every mistake at once."""
     try:
         source = Source(bounded_text(path), path)
     except (OSError, UnicodeDecodeError) as error:
@@ -246,7 +246,7 @@ def read_rig(path: Path) -> RigFacts:
 
 
 def facts_of(table: Mapping[str, Any]) -> RigFacts:
-    """The facts that options or Python state; raises ConfigurationError with every mistake at once."""
+    """Return the facts that options or Python state; raises ConfigurationError with every mistake at once."""
     return _validated(table, lambda place: option_of(place[0]) if place[0] in RigFacts.model_fields else "rig")
 
 

@@ -89,12 +89,13 @@ def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
 
 
 def plain_facts(facts: RigFacts) -> dict[str, Any]:
-    """The facts that are settings of a pipeline, as its table `rig`."""
+    """Return the facts that are settings of a pipeline, as its table `rig`."""
     return facts.model_dump(exclude_defaults=True, exclude={*NO_SETTINGS})
 
 
 def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
-    """The facts that are settings of a pipeline, and what a file of facts has measured, as ``table.key=value``."""
+    """Return the facts that are settings of a pipeline, and what a file of facts has measured, as
+    ``table.key=value``."""
     found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
     return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
 
@@ -150,7 +151,7 @@ def _agree(source: Source, at: Location, value: Any, by: str) -> None:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two settings are the same in other units; of tables, as far as both have a key."""
+    """Return True if two settings are the same in other units; of tables, as far as both have a key."""
     if isinstance(one, dict) and isinstance(other, dict):
         return all(_same(one[key], other[key]) for key in one.keys() & other.keys())
     sizes = [_size(value) for value in (one, other)]
@@ -160,7 +161,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _size(value: Any) -> float | None:
-    """A quantity in SI, whatever its unit; None where a value is not one."""
+    """Return a quantity in SI, whatever its unit; None where a value is not one."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
@@ -266,7 +267,7 @@ def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str
 
 
 def _tare(text: Any) -> dict[str, Any]:
-    """The keys of a tare in words."""
+    """Return the keys of a tare in words."""
     if text == ZEROED:
         return {"tare": "0 N", "tare_uncertainty": "0 N"}
     if text in (FREE_AIR, "none", "calibrated"):
@@ -312,7 +313,7 @@ def _at(tables: Mapping[str, Any], at: Location) -> Mapping[str, Any]:
 
 
 def _with_key(models: Mapping[str, Mapping[str, Any]], key: str, known: Registry) -> list[str]:
-    """The models that have a key."""
+    """Return the models that have a key."""
     entries = {name: known.parts["model"].get(str(table.get("type"))) for name, table in models.items()}
     return [
         name

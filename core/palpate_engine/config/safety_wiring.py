@@ -13,7 +13,7 @@ from palpate_engine.safety import SafetySettings
 
 
 def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: Mapping[str, Device]) -> SafetySettings:
-    """The limits with the time from a force to braking as this rig has it.
+    """Return the limits with the time from a force to braking as this rig has it.
 
     The sensor's delay is what the file states, or the larger of the force's declared delay and of what its device says
     of its filter. An arm that cannot look at the force by itself goes on for as long as it may be left without word
@@ -31,7 +31,7 @@ def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: M
 def contradictions(
     limits: SafetySettings, alignment: AlignmentSettings, devices: Mapping[str, Device]
 ) -> list[Mistake]:
-    """A force that the sensor cannot show, and an impossible height."""
+    """Return a force that the sensor cannot show, and an impossible height."""
     mistakes, ports = [], _ports(alignment, devices)
     force, position = ports["force"], ports["position"]
     if force.limits is not None and limits.stop_force >= (most := max(map(abs, force.limits))):

@@ -21,7 +21,7 @@ def ports_of(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> Por
 
 
 def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
-    """A mistake for every role whose channel no device has."""
+    """Return a mistake for every role whose channel no device has."""
     mistakes = []
     units: dict[str, str] = {}
     for name, device in devices.items():
@@ -68,7 +68,8 @@ def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) ->
 
 
 def check_wiring(ports: Ports, safety: SafetySettings | None) -> list[Mistake]:
-    """A mistake for a height that is not along the normal, and for a force limit that the sensor cannot reach."""
+    """Return a mistake for a height that is not along the normal, and for a force limit that the sensor cannot
+    reach."""
     found = []
     for role in ("position", "velocity"):
         if role in ports.roles and (problem := _off_the_normal(role, ports[role])) is not None:

@@ -13,7 +13,7 @@ UNCHECKED = "unchecked"  # key of any table: names of keys whose numbers are mea
 
 
 def quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | None:
-    """The quantity that a field holds, alone, as an alternative or in a list; None where it holds none."""
+    """Return the quantity that a field holds, alone, as an alternative or in a list; None where it holds none."""
     found = next((item for item in metadata if isinstance(item, Quantity)), None)
     if found is not None:
         return found

@@ -24,7 +24,8 @@ def refuse_own_motion(pipeline: Rig, limits: SafetySettings) -> None:
 
 
 def check_approach(link: Link, trajectory: Trajectory, limits: SafetySettings) -> MotionReport | None:
-    """The way to the start, which keeps the limits; None if not needed. Raises DeviceError with all it breaks."""
+    """Return the way to the start, which keeps the limits; None if not needed. Raises DeviceError with all it
+    breaks."""
     if not isinstance(link, SupportsApproach):
         return None
     times, setpoint = link.approach_path(trajectory)

@@ -50,7 +50,7 @@ def open_link(name: str, device: Device, seed: int) -> Iterator[Link]:
 
 
 def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterator[Batch]:
-    """The batches of a device, read-only.
+    """Yield the batches of a device, read-only.
 
     Raises DeviceError, with the place, for what it has not declared or itself raises.
     """
@@ -86,7 +86,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
 
 
 def _first_odd(stamps: NDArray[Any]) -> Any:
-    """The first of some time-stamps that is not a finite number; the first of all where each is one."""
+    """Return the first of some time-stamps that is not a finite number; the first of all where each is one."""
     odd = [stamp for stamp in stamps.ravel().tolist() if not (isinstance(stamp, int | float) and math.isfinite(stamp))]
     return next(iter(odd or stamps.ravel().tolist()), f"none, of type {stamps.dtype}")
 

@@ -38,7 +38,7 @@ class DataPath:
         self.backlog.served(samples)
 
     def finish(self, stopped: Callable[[], bool]) -> Iterator[None]:
-        """The rest of the record and of the backlog, slice by slice, then the offline estimators.
+        """Yield the rest of the record and of the backlog, slice by slice, then the offline estimators.
 
         A run that was `stopped` has little patience for its backlog: what is not estimated then is written as samples.
         """

@@ -19,7 +19,7 @@ class FolderWatch:
 
     @property
     def is_gone(self) -> bool:
-        """Whether it is known to be somewhere else, or nowhere."""
+        """True if it is known to be somewhere else, or nowhere."""
         if clock().now() - self._looked < _LOOK_EVERY:
             return False
         self._looked = clock().now()

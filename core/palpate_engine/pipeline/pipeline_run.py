@@ -107,7 +107,7 @@ class _RunContext:
     began: float  # [s]
 
     def described(self) -> Run:
-        """The description of the run that sinks get, with its documents written."""
+        """Return the description of the run that sinks get, with its documents written."""
         pipeline = self.pipeline
         documents = {PIPELINE: resolved_text(pipeline), GIVEN: pipeline.text}
         for name, text in documents.items():
@@ -126,7 +126,7 @@ class _RunContext:
         )
 
     def result(self, session: Session) -> Result:
-        """The result as it is now."""
+        """Return the result as it is now."""
         live, report = session.live, session.report
         facts = {**self.facts, **({} if live is None else {"live": live.table()})}
         facts |= {"started": self.started.isoformat(timespec="seconds"), "duration": clock().now() - self.began}

@@ -15,7 +15,7 @@ _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before an
 
 
 def single_trajectory(rig: Rig) -> Trajectory:
-    """The one motion of a pipeline; raises ConfigurationError if it has none or several."""
+    """Return the one motion of a pipeline; raises ConfigurationError if it has none or several."""
     if len(rig.trajectories) != 1:
         count = len(rig.trajectories)
         raise ConfigurationError(f"{rig.path}: a device that moves needs one [trajectory.*] table, not {count}")

@@ -55,7 +55,7 @@ class PartFailure:
         return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"
 
     def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int] | None:
-        """The part whose code raised, or called what did, and where in it; None where that is unclear."""
+        """Return the part whose code raised, or called what did, and where in it; None where that is unclear."""
         for frame, line in reversed(frames):
             for part in (self.track.model, getattr(self.track.model, "indenter", None), self.track.estimator):
                 if isinstance(part, Part) and _is_of(frame, part):
@@ -79,7 +79,7 @@ def third_party_error(error: Exception, registry: Registry) -> Exception:
 
 
 def _is_of(frame: FrameType, part: Part) -> bool:
-    """Whether a frame runs a part's own method, or, of an estimator, anything in the file of its class."""
+    """Return True if a frame runs a part's own method, or, of an estimator, anything in the file of its class."""
     if frame.f_locals.get("self") is part:
         return True
     try:

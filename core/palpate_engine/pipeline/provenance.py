@@ -58,7 +58,7 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
 
 
 def _input_files(pipeline: Pipeline) -> list[Path]:
-    """The files, other than logs, that parts and tables take data from."""
+    """Return the files, other than logs, that parts and tables take data from."""
     parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.surfaces, pipeline.trajectories)
     every = [part for named in (*parts, pipeline.tables) for part in named.values()]
     return list(dict.fromkeys(file for part in every for file in input_files(part)))
@@ -92,13 +92,14 @@ def lift_facts(pipeline: Pipeline) -> dict[str, Any]:
 
 
 def flat_facts(facts: Mapping[str, Any]) -> dict[str, str]:
-    """The facts that a log carries: versions, input hashes and seed, as texts by name."""
+    """Return the facts that a log carries: versions, input hashes and seed, as texts by name."""
     lifted = {"lifted": f"{1e3 * facts['lifted']['height']:g} mm"} if "lifted" in facts else {}
     return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"]), **lifted}
 
 
 def planned_duration(pipeline: Pipeline) -> float | None:
-    """How long the record will be [s]: that of a log, or of standstill and motion; None where that is unknown."""
+    """Return how long the record will be [s]: that of a log, or of standstill and motion; None where that is
+    unknown."""
     logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
     if logs or len(pipeline.trajectories) != 1:
         return max(logs, default=None)

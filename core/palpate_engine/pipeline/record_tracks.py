@@ -57,7 +57,7 @@ class RecordTracks:
         text: str | None = None,
         detail: bool = True,
     ) -> RecordOutcome:
-        """The outcome of one record.
+        """Return the outcome of one record.
 
         `devices` stand for those of the pipeline, which they are alike but for the record that they name;
         `batches` with the device of each, in the order of their arrival, for what the devices would send;
@@ -97,7 +97,8 @@ class RecordTracks:
 def _read(
     pipeline: Pipeline, tracks: Tracks, batches: Iterable[tuple[str, Batch]] | None
 ) -> tuple[Aligner, Samples, dict[str, list[Estimates]]]:
-    """A record taken along the data path to its end: what aligned it, its samples, and the blocks of every track."""
+    """Return a record taken along the data path to its end: what aligned it, its samples, and the blocks of every
+    track."""
     aligner = pipeline.new_aligner()
     blocks: list[Samples] = []
     found: dict[str, list[Estimates]] = {}

@@ -85,7 +85,8 @@ def build_result(
     found: Mapping[str, TrackResult],
     interrupt: Interrupt,
 ) -> Result:
-    """The result of a run that has ended: what its tracks found, judged together with what concerns all of them."""
+    """Return the result of a run that has ended: what its tracks found, judged together with what concerns all of
+    them."""
     run_flags = [*_rehearsal(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
     flags = pipeline.registry.judged(run_flags)
     return Result(
@@ -103,7 +104,7 @@ def build_result(
 def _judged(
     pipeline: Pipeline, found: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
 ) -> dict[str, TrackResult]:
-    """The tracks' verdicts, each by itself and then among the others of its model."""
+    """Return the tracks' verdicts, each by itself and then among the others of its model."""
     alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
     against = contradictions(alone)
     together = alone | {
@@ -203,14 +204,15 @@ def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
 
 
 def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:
-    """Whether a key of the pipeline is a fact whose effect the diagnoses state: mass, zero and delays that are open."""
+    """Return True if a key of the pipeline is a fact whose effect the diagnoses state: mass, zero and delays that
+    are open."""
     if key == "alignment.tip_mass":
         return settings.tip_mass is None
     return key == "alignment.tare" or (key.endswith(".delay") and settings.timing_uncertainty is None)
 
 
 def _setting(settings: Mapping[str, Any], key: str) -> str:
-    """The value of a key of the resolved settings."""
+    """Return the value of a key of the resolved settings."""
     value: Any = settings
     for word in key.split("."):
         value = value.get(word) if isinstance(value, dict) else None
@@ -218,7 +220,7 @@ def _setting(settings: Mapping[str, Any], key: str) -> str:
 
 
 def _model_of(key: str, pipeline: Pipeline) -> str | None:
-    """The model that a key belongs to; None where it concerns every track."""
+    """Return the model that a key belongs to; None where it concerns every track."""
     kind, _, rest = key.partition(".")
     return next((name for name in pipeline.models if kind == "model" and rest.startswith(f"{name}.")), None)
 

@@ -33,7 +33,7 @@ _MANY = 256  # samples of a block that are worth a thread
 
 
 def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
-    """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
+    """Return the noise of force [N] and velocity [m/s] that estimators count on, by their names."""
     declared = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
     return {name: noise for name, noise in declared.items() if noise is not None}
 
@@ -129,7 +129,7 @@ class Tracks:
         return found | {track.track.name: one.result() for track, one in zip(others, running, strict=True)}
 
     def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
-        """All samples, and what the offline estimators say of them; None if the run has none."""
+        """Return all samples, and what the offline estimators say of them; None if the run has none."""
         if not self._waiting:
             return None
         samples, self._waiting = Samples.joined(self._waiting), []
@@ -186,7 +186,7 @@ def _summed(running: RunningTrack, result: TrackResult) -> TrackResult:
 
 
 def _compared(running: RunningTrack, result: TrackResult, tip_mass: float | None, average: float) -> TrackResult:
-    """A track's result with the measures by which it is compared with others."""
+    """Return a track's result with the measures by which it is compared with others."""
     ends = running.record.ends(average)
     if running.comparison is None:
         return result
@@ -202,7 +202,7 @@ def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
 
 
 def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[RunningTrack]:
-    """Every track with a fresh tracker, with what compares them (of several, if not stated).
+    """Return every track with a fresh tracker, with what compares them (of several, if not stated).
 
     Raises ConfigurationError where an estimator cannot start.
     """

@@ -52,7 +52,8 @@ class RunEvidence:
 def apply_diagnoses(
     tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: RunEvidence
 ) -> dict[str, TrackResult]:
-    """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
+    """Return the results of all tracks with the findings of all diagnoses; those of what was not estimated only by
+    some."""
     whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
     findings = dict[str, Mapping[str, Diagnosed]]()
 
@@ -108,7 +109,7 @@ def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
+    """Return the findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
         findings = dict(function_of(diagnosis)(evidence))
         for label, finding in findings.items():
@@ -162,7 +163,7 @@ def _with_uncertain_values(result: TrackResult, model: ContactModel, cause: str,
 
 
 def _open_facts(conditions: Sequence[Condition], known: frozenset[str]) -> tuple[Condition, ...]:
-    """The conditions without facts that a record measures, one of each fact."""
+    """Return the conditions without facts that a record measures, one of each fact."""
     return joined([one for one in conditions if one.fact not in known])
 
 
@@ -188,7 +189,7 @@ def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterab
 
 
 def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
-    """The rows of a finding in the budget."""
+    """Yield the rows of a finding in the budget."""
     for term in finding.sources:
         yield term.row({key: result.parameters[key].value for key in names})
     terms = dict(finding.terms)
@@ -241,7 +242,7 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
 
 
 def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
-    """The evidence with what the diagnoses before have made of the uncertainty of each parameter."""
+    """Return the evidence with what the diagnoses before have made of the uncertainty of each parameter."""
     combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
     return read_only(
         replace(evidence, combined=combined, found=result.parameters, surface_uncertainty=result.surface.combined)

@@ -51,7 +51,7 @@ def weigh(
     registry: Registry,
     conditions: Sequence[Condition] = (),
 ) -> WeighedFlags:
-    """The one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
+    """Return the one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
 
     What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
     the flag's own cause makes no doubt smaller. Those whose effect is not known always count. A value that a flag voids
@@ -85,7 +85,7 @@ def weigh(
 
 
 def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
-    """The verdict of a value: invalid before not determined, before what it needs, before doubtful."""
+    """Return the verdict of a value: invalid before not determined, before what it needs, before doubtful."""
     if doubt == "invalid":
         return doubt
     if is_open:
@@ -94,7 +94,7 @@ def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
 
 
 def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
-    """Whether a flag says that a value is void, while others of its track may be used."""
+    """Return True if a flag says that a value is void, while others of its track may be used."""
     meaning = registry.meanings.get(flag.code)
     return meaning is not None and meaning.voids and math.isinf((flag.effects or {}).get(name, 0.0))
 
@@ -122,7 +122,7 @@ def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
 
 
 def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
-    """The note on values that may be none as far as the record shows; nothing of what is said already."""
+    """Yield the note on values that may be none as far as the record shows; nothing of what is said already."""
     for name, value in values.items():
         u = value.of_one_place
         if name in said or not math.isfinite(value.value):

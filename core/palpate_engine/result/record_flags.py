@@ -106,7 +106,7 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
 
 
 def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
-    """A tool that turns in free air, and readings that do not follow its weight."""
+    """Yield a tool that turns in free air, and readings that do not follow its weight."""
     turned, mass = report.turned, settings.tip_mass
     if settings.weight != "turning" and (change := report.tilt * GRAVITY * (mass or 0.0)) > _TURNED:
         yield Flag(
@@ -127,7 +127,7 @@ def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Itera
 
 
 def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:
-    """The flags that an estimator raises itself, and whether it estimated at all; diagnoses judge its values."""
+    """Yield the flags that an estimator raises itself, and whether it estimated at all; diagnoses judge its values."""
     yield from (_with_sign(flag, report) for flag in record.flags)
     if record.failure is not None:
         yield record.failure

@@ -55,7 +55,7 @@ def track_result(
     average: float,
     online: bool = True,
 ) -> TrackResult:
-    """The result of one track: means over the last `average` seconds of its estimates, and its flags.
+    """Return the result of one track: means over the last `average` seconds of its estimates, and its flags.
 
     Estimates of an offline estimator are constant and hold for every sample that it used. Uncertainty is the
     estimator's own and that of settling; diagnoses add what else there is.
@@ -113,7 +113,7 @@ def _numbers(
 
 
 def stream_tables(report: AlignmentReport) -> dict[str, Any]:
-    """The ``streams`` of ``result.json``."""
+    """Return the ``streams`` of ``result.json``."""
     names = ("samples", "invalid", "duplicates", "backwards", "gaps", "saturated")
     return {
         name: {"rate": health.rate, **{key: getattr(health, key) for key in names}}

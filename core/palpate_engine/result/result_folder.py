@@ -22,7 +22,7 @@ _claims: deque[int] = deque()
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
-    """A new, empty folder: the one that was requested, or ``runs/<date>_<time>_<name>``.
+    """Return a new, empty folder: the one that was requested, or ``runs/<date>_<time>_<name>``.
 
     Raises OutputError where it cannot be made, or if the requested one already holds something.
     """

@@ -98,7 +98,7 @@ class TrackRecord:
 
     @property
     def is_sweep(self) -> bool:
-        """Whether the track was at places further apart than a palpation needs; False where places are unknown."""
+        """True if the track was at places further apart than a palpation needs; False where places are unknown."""
         return self._lateral is not None and float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])])) > SWEEP
 
     @property
@@ -111,7 +111,7 @@ class TrackRecord:
             self._blocks.pop(0)
 
     def ends(self, average: float) -> tuple[Tail, Tail] | None:
-        """The tail, and of it the last so many seconds; None without usable numbers."""
+        """Return the tail, and of it the last so many seconds; None without usable numbers."""
         tail = self.tail
         if tail is None or self.marks[Status.DIVERGED] or self.failure is not None:
             return None

@@ -44,11 +44,12 @@ class TrackResult:
 
     @property
     def usable(self) -> bool:
-        """Whether its numbers may be used at all."""
+        """True if its numbers may be used at all."""
         return self.verdict != "invalid"
 
     def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
-        """The result with the flags that matter, and its verdicts; flags of the record (judged) concern every track."""
+        """Return the result with the flags that matter, and its verdicts; flags of the record (judged) concern every
+        track."""
         free = self.free
         flags = [*self.flags, *self._without_value(registry)]
         weighed = weigh(flags, free, registry, self.conditions)
@@ -91,7 +92,7 @@ class TrackResult:
         return replace(self, comparison=replace(self.comparison, distances=distances(self._every, truth)))
 
     def _without_value(self, registry: Registry) -> Iterator[Flag]:
-        """A track without any number, of which nothing else says why."""
+        """Yield a track without any number, of which nothing else says why."""
         lost = self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values())
         if lost and verdict(registry.judged(self.flags)) != "invalid":
             yield Flag("no-estimate", "the track never had a value")
@@ -142,12 +143,12 @@ def _doubt(word: str) -> str:
 
 
 def _rank(word: str) -> int:
-    """The higher the worse; a value without a number counts as a good one."""
+    """Return the higher the worse; a value without a number counts as a good one."""
     return VERDICTS.index(word) if word in VERDICTS else 0
 
 
 def _worse(common: str, own: str) -> str:
-    """The verdict of a value of its own, on a record of another."""
+    """Return the verdict of a value of its own, on a record of another."""
     if common == "invalid" or own in VERDICTS:
         return max(common, own, key=_rank)
     return own

@@ -91,7 +91,7 @@ class RiseWatch:
         )
 
     def _flat(self, time: float, way: float, place: Sequence[float], commanded: float) -> str | None:
-        """Whether a whole window of the way in shows no rise."""
+        """Return True if a whole window of the way in shows no rise."""
         windows = self._sound.windows
         if not windows or self._has_reached_set_force:
             return None
@@ -109,7 +109,7 @@ class RiseWatch:
         return found
 
     def _slows_down(self, first: int, middle: int) -> bool:
-        """Whether the tip slows down from half to half of a window, or nearly stands within it."""
+        """Return True if the tip slows down from half to half of a window, or nearly stands within it."""
         last = len(self._ways) - 1
         edges = first, (first + middle) // 2, middle, (middle + last) // 2, last
         quarters = [self._speed(begin, end) for begin, end in pairwise(edges)]

@@ -43,7 +43,7 @@ class MotionReport:
 
 
 def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport:
-    """Every setpoint of a motion against the limits; of one of hours a stretch is in memory at a time."""
+    """Return every setpoint of a motion against the limits; of one of hours a stretch is in memory at a time."""
     count = math.ceil((duration_of(trajectory) + _STEP) / _STEP)
     spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
     times = (np.asarray(span * _STEP, np.float64) for span in spans)
@@ -270,7 +270,7 @@ def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
 
 
 def demand_safe(trajectory: Trajectory, limits: SafetySettings, where: str) -> MotionReport:
-    """The report of a motion that keeps every limit; raises ConfigurationError with all that it breaks."""
+    """Return the report of a motion that keeps every limit; raises ConfigurationError with all that it breaks."""
     report = check_motion(trajectory, limits)
     if report.problems:
         lines = "\n".join(f"  {problem}" for problem in report.problems)

@@ -62,7 +62,7 @@ class MotionLimits:
         return cls((-math.inf, -math.inf, low), (math.inf, math.inf, high), speed, acceleration)
 
     def tighter(self, other: MotionLimits) -> MotionLimits:
-        """The tighter of two limits each."""
+        """Return the tighter of two limits each."""
         return MotionLimits(
             tuple(map(max, self.low, other.low)),
             tuple(map(min, self.high, other.high)),
@@ -71,7 +71,7 @@ class MotionLimits:
         )
 
     def excesses(self, reach: Reach) -> list[Excess]:
-        """Every limit that a motion breaks."""
+        """Return every limit that a motion breaks."""
         found = []
         for i, axis in enumerate("xyz"):
             if reach.low[i] < self.low[i] - _TOLERANCE:

@@ -69,11 +69,11 @@ class ReadingAge:
         self._is_fitted, self._seconds = True, []
 
     def is_over(self, limit: float) -> bool:
-        """Whether the newest readings of the last two batches were older than a limit [s]."""
+        """Return True if the newest readings of the last two batches were older than a limit [s]."""
         return min(self._before, self.latest) > limit
 
     def complaint(self, what: str, limit: float) -> str | None:
-        """Why the arm has to stop, in words; None where the last two batches were in time."""
+        """Return why the arm has to stop, in words; None where the last two batches were in time."""
         if not self.is_over(limit):
             return None
         return (
@@ -94,7 +94,8 @@ class StampAge:
         self._before, self._latest = self._latest, (arrival - stamp) / 1e9
 
     def complaint(self, what: str, delay: float, limit: float) -> str | None:
-        """Why the arm has to stop, in words; None where one of the last two is younger than sensor and link make it."""
+        """Return why the arm has to stop, in words; None where one of the last two is younger than sensor and link
+        make it."""
         if min(self._before, self._latest) <= delay + limit:
             return None
         return (

@@ -28,7 +28,7 @@ class RestWindow:
 
     @property
     def is_full(self) -> bool:
-        """Whether the states cover the span."""
+        """True if the states cover the span."""
         return len(self._states) >= _MIN_STATES and self._states[-1][0] - self._states[0][0] >= self._span
 
     @property
@@ -44,7 +44,7 @@ class RestWindow:
 
     @property
     def shows_rest(self) -> bool:
-        """Whether the states show that the tip stands."""
+        """True if the states show that the tip stands."""
         if not self.is_full:
             return False
         axes = zip(*(place for _, place in self._states), strict=True)

@@ -92,7 +92,7 @@ class Child:
             self._unread.append(message)
 
     def wait_for(self, word: str, timeout: float) -> dict[str, Any]:
-        """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s].
+        """Return the first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s].
 
         `messages` returns those that came after it.
         """
@@ -158,7 +158,7 @@ class Child:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """True if the process runs."""
         return self._process.poll() is None
 
     @property

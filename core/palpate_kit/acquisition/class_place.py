@@ -12,14 +12,15 @@ from palpate_engine import plugin_file_of
 
 
 def class_place(found: type) -> dict[str, Any]:
-    """The place of a class, as plain data."""
+    """Return the place of a class, as plain data."""
     file = plugin_file_of(sys.modules[found.__module__])
     source = {"file": str(file.path.resolve()), "sha256": file.digest} if file else {"file": None}
     return {"module": found.__module__, "name": found.__qualname__, **source}
 
 
 def class_at(place: Mapping[str, Any]) -> Any:
-    """The class at its place; raises UserError where its plugin file has changed since the parent executed it."""
+    """Return the class at its place; raises UserError where its plugin file has changed since the parent executed
+    it."""
     if place["file"] is None:
         module = importlib.import_module(place["module"])
     else:

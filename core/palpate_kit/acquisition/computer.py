@@ -83,15 +83,15 @@ class Host(Protocol):
         ...
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """A serial port, as `serial.Serial`; raises DeviceError."""
+        """Return a serial port, as `serial.Serial`; raises DeviceError."""
         ...
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """A connected socket for datagrams; raises DeviceError where another program has the device."""
+        """Return a connected socket for datagrams; raises DeviceError where another program has the device."""
         ...
 
     def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
-        """The driver of an arm, which `make` makes of the other three."""
+        """Return the driver of an arm, which `make` makes of the other three."""
         ...
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
@@ -99,15 +99,16 @@ class Host(Protocol):
         ...
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
-        """A robot's states, as `rtde_receive.RTDEReceiveInterface`; raises ImportError, RuntimeError."""
+        """Return a robot's states, as `rtde_receive.RTDEReceiveInterface`; raises ImportError, RuntimeError."""
         ...
 
     def robot_commands(self, address: str) -> Any:
-        """A robot's commands, as `rtde_control.RTDEControlInterface`; raises ImportError, RuntimeError."""
+        """Return a robot's commands, as `rtde_control.RTDEControlInterface`; raises ImportError, RuntimeError."""
         ...
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
-        """The commands that the controller has taken, by the connection that `connect` makes; raises RuntimeError."""
+        """Return the commands that the controller has taken, by the connection that `connect` makes; raises
+        RuntimeError."""
         ...
 
 
@@ -118,7 +119,7 @@ class Computer:
         self._program = os.getpid()  # that started the present process, if it is a device's
 
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
-        """A child process, with an interpreter of its own, which imports nothing from the current folder."""
+        """Return a child process, with an interpreter of its own, which imports nothing from the current folder."""
         command = [sys.executable, "-P", "-m", module, *map(str, descriptors), settings]
         output = sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL
         return subprocess.Popen(command, pass_fds=tuple(descriptors), stdin=subprocess.DEVNULL, stdout=output)
@@ -153,7 +154,7 @@ class Computer:
         reserve(device, self._program)
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """The port, ours alone, with the least delay that its driver offers."""
+        """Return the port, ours alone, with the least delay that its driver offers."""
         try:
             import serial
         except ImportError as error:
@@ -171,7 +172,7 @@ class Computer:
         return port
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """A UDP socket; a box answers one program at a time."""
+        """Return a UDP socket; a box answers one program at a time."""
         self.reserve(f"sensor {network_device(address, port)}")
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -211,7 +212,7 @@ _hosts: list[Host] = [Computer()]
 
 
 def host() -> Host:
-    """The computer that this process runs on."""
+    """Return the computer that this process runs on."""
     return _hosts[-1]
 
 

@@ -22,7 +22,7 @@ _held: dict[str, int] = {}  # descriptors of this process by file; the system fr
 
 
 def network_device(address: str, port: int) -> str:
-    """The name of a device on the net: its number where the host's name has one."""
+    """Return the name of a device on the net: its number where the host's name has one."""
     with suppress(OSError):  # then connecting says so
         address = socket.gethostbyname(address)
     return f"{address}:{port}"
@@ -53,7 +53,7 @@ def reserve(device: str, program: int, folder: Path = FOLDER) -> None:
 
 
 def _opened(path: Path) -> int:
-    """The file of a lock, which programs of every user may lock and write."""
+    """Return the file of a lock, which programs of every user may lock and write."""
     for _ in range(3):
         with suppress(FileNotFoundError):
             return os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)

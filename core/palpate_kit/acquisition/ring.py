@@ -42,7 +42,7 @@ class Ring:
         self.head[_WRITTEN] = written + 1
 
     def read(self) -> Floats:
-        """A copy of the rows that have come since the last call (n, columns)."""
+        """Return a copy of the rows that have come since the last call (n, columns)."""
         written = int(self.head[_WRITTEN])
         # The writer may be at work on the row after the last: leave it a margin.
         first = max(self._read, written - self._rows + 16)
@@ -67,7 +67,7 @@ class Ring:
 
 
 def integers(rows: Floats, column: int) -> NDArray[np.int64]:
-    """A column of whole numbers (n,)."""
+    """Return a column of whole numbers (n,)."""
     return np.ascontiguousarray(rows[:, column]).view(np.int64)
 
 

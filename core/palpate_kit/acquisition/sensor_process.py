@@ -24,7 +24,8 @@ _HOST, _SENSOR = "time of arrival", "time of the sensor"  # columns before those
 
 
 def wrench_stream(rate: float, force_limit: float, delay: float = 0.0) -> Stream:
-    """The stream of a sensor of force and torque: rate [Hz], range of its forces [N], delay of its filters [s]."""
+    """Return the stream of a sensor of force and torque: rate [Hz], range of its forces [N], delay of its filters
+    [s]."""
     force = [Channel(axis, "N", (-force_limit, force_limit)) for axis in "xyz"]
     torque = [Channel(f"t{axis}", "N*m") for axis in "xyz"]
     return Stream("wrench", (*force, *torque), rate, "wrench", clock="host", frame="sensor", delay=delay)

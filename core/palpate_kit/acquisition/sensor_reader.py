@@ -32,7 +32,7 @@ class SensorReader(ABC):
 
     @abstractmethod
     def open(self) -> Any:
-        """The line, which has `fileno` and `close`; raises DeviceError or OSError."""
+        """Return the line, which has `fileno` and `close`; raises DeviceError or OSError."""
 
     def start(self, line: Any) -> Mapping[str, Any]:
         """Make the sensor send; what is known of it by name, for the result. Raises DeviceError or OSError."""
@@ -47,7 +47,7 @@ class SensorReader(ABC):
 
 
 def received(line: Any) -> bytes:
-    """The bytes that have arrived at a port; raises DeviceError where it was closed from the other side."""
+    """Return the bytes that have arrived at a port; raises DeviceError where it was closed from the other side."""
     data = os.read(line.fileno(), _MOST)  # `in_waiting` never says more than 4095, and needs a call more
     if not data:
         raise DeviceError("the sensor is disconnected (its port was closed)")

@@ -86,7 +86,7 @@ class SimulatedComputer:
         self._started = 0
 
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
-        """The process as a thread, with open files of its own."""
+        """Return the process as a thread, with open files of its own."""
         self._started += 1
         arguments = [*(str(os.dup(descriptor)) for descriptor in descriptors), settings]
         return SimulatedProcess(

@@ -188,7 +188,7 @@ def at_samples(
     air: bool = False,
     held: frozenset[str] = frozenset(),
 ) -> Along | None:
-    """A model without memory along a motion: time [s], depth [m], its rate [m/s] and z'' [m/s^2], (n,) each.
+    """Return a model without memory along a motion: time [s], depth [m], its rate [m/s] and z'' [m/s^2], (n,) each.
 
     None where nothing of it is in contact. What is in the air is left out, or with `air` has no force. What is `held`
     fixed, by name, has no shift.

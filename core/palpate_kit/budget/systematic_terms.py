@@ -47,7 +47,7 @@ def systematic_terms(
 
 
 def source_terms(found: ForceSensitivity, sources: Sequence[UncertaintySource]) -> Iterator[Term]:
-    """The terms of the model's numbers and of the scales of force and height."""
+    """Yield the terms of the model's numbers and of the scales of force and height."""
     for source in sources:
         change = _change(found, source)
         if change is not None:
@@ -92,7 +92,7 @@ def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) ->
 
 
 def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
-    """The terms of the sensor's mounting and of the skin's normal, each known to an angle u.
+    """Yield the terms of the sensor's mounting and of the skin's normal, each known to an angle u.
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
     f = u (W + s F). A normal that is off does the latter, is an inclination, and of a motion at an angle b to it depth
@@ -107,7 +107,7 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
 
 
 def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
-    """The term of the skin's curvature k, by its surface.
+    """Yield the term of the skin's curvature k, by its surface.
 
     Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
     that was divided with them, (1/s - 1) m z''. Where the model has the skin as flat all of the shift counts.
@@ -126,7 +126,7 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
 
 
 def _of_law(found: Along) -> Iterator[Term]:
-    """The term of a formula that stands for a solution and is off it by e of the force at most.
+    """Yield the term of a formula that stands for a solution and is off it by e of the force at most.
 
     By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
     itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
@@ -166,7 +166,7 @@ def _change(found: ForceSensitivity, source: UncertaintySource) -> Floats | None
 def _term(
     found: ForceSensitivity, cause: str, std: float, unit: str, error: Floats, declared: bool = True
 ) -> list[Term]:
-    """The term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
+    """Return the term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
     shifts = found.shifts(error)
     return [] if shifts is None else [Term(cause, std, unit, shifts, declared)]
 

@@ -30,7 +30,8 @@ class UncertaintySource:
 
 
 def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[str, str]) -> UncertaintySource:
-    """A declared source of a model or its readings, or of `others` with their units; raises ValueError for none."""
+    """Return a declared source of a model or its readings, or of `others` with their units; raises ValueError for
+    none."""
     units = {**READINGS, **others}
     numbers = {key: one for one in reversed(numbers_of(model)) for key in (one[0][-1], ".".join(one[0]))}
     if name not in units and name not in numbers:
@@ -44,7 +45,7 @@ def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[
 
 
 def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
-    """Every source that concerns a model; raises ValueError for a value that is not an uncertainty.
+    """Return every source that concerns a model; raises ValueError for a value that is not an uncertainty.
 
     A tip's radius that is not declared is known to 0.5 %, and Poisson's ratio within 0.02 below its value: u is
     0.02/sqrt(3) about a value at the end of a rectangular distribution. Of a skin that is stated, the inclination is

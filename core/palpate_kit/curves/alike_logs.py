@@ -48,7 +48,7 @@ class LogPart:
 
 
 def specimens_of(log: Path, known: Registry, choices: Mapping[str, str] = {}) -> list[LogPart]:
-    """The records of a log that holds several by themselves, else the log."""
+    """Return the records of a log that holds several by themselves, else the log."""
     if RECORD not in choices:
         with suppress(LogError):  # whoever reads it says so
             return [LogPart(log, name) for name in recording_of(log, known).records(log, choices)] or [LogPart(log)]
@@ -80,7 +80,7 @@ def alike_logs(
 
 
 def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
-    """The files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
+    """Return the files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
     found: list[Path] = []
     for source in sources:
         if not source.exists():
@@ -97,7 +97,8 @@ def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
 
 
 def log_paths(folder: Path, is_log: Callable[[Path], bool]) -> Iterator[Path]:
-    """The logs in a folder by their names, those that are folders themselves as one; the folder, where it is one."""
+    """Yield the logs in a folder by their names, those that are folders themselves as one; the folder, where it is
+    one."""
     folders = {folder} if _is_folder_log(folder, is_log) else set[Path]()
     yield from folders
     for path in [] if folders else sorted(folder.rglob("*")):
@@ -113,7 +114,7 @@ def log_paths(folder: Path, is_log: Callable[[Path], bool]) -> Iterator[Path]:
 
 
 def _is_folder_log(path: Path, is_log: Callable[[Path], bool]) -> bool:
-    """Whether a folder is a log that is more than its one file."""
+    """Return True if a folder is a log that is more than its one file."""
     return is_log(path) and sum(map(is_log, path.iterdir())) != 1
 
 
@@ -123,7 +124,7 @@ def _holds_records(path: Path, known: Registry) -> bool:
 
 
 def differences(one: Suggestion, other: Suggestion) -> list[str]:
-    """The keys in which the readers of two logs differ."""
+    """Return the keys in which the readers of two logs differ."""
     mine, theirs = (_flat({**s.device, "file": "", RECORD: "", "alignment": dict(s.alignment)}) for s in (one, other))
     return [key for key in {**mine, **theirs} if mine.get(key) != theirs.get(key)]
 

@@ -20,7 +20,7 @@ class Curve:
     record: str | None = None  # of a file of several
 
     def read_by(self, device: Device) -> Device:
-        """The device with the file of the curve, and its record."""
+        """Return the device with the file of the curve, and its record."""
         update: dict[str, Any] = {"file": Path(self.file)}
         if "record" in type(device).model_fields:
             update["record"] = self.record

@@ -37,16 +37,16 @@ class CurveFilter:
     tests: tuple[Test, ...] = ()
 
     def __call__(self, row: CurveRow) -> bool:
-        """Whether a row is meant."""
+        """Return True if a row is meant."""
         return all(test(row) for test in self.tests)
 
     def choose(self, rows: Iterable[CurveRow]) -> list[CurveRow]:
-        """The rows that are meant."""
+        """Return the rows that are meant."""
         return [row for row in rows if self(row)]
 
 
 def curve_filter(words: str | None, folder: FitFolder, codes: Iterable[str] = ()) -> CurveFilter:
-    """The filter of words such as ``flag:saturated verdict:doubtful sample=S1 E>100 rms<0.05 S1_07``.
+    """Return the filter of words such as ``flag:saturated verdict:doubtful sample=S1 E>100 rms<0.05 S1_07``.
 
     `codes` are flags that may be named besides those of the rows. A number without a unit is in the unit in which it is
     shown. Raises ConfigurationError for the first unknown word.
@@ -129,7 +129,7 @@ def _comparison(word: str, name: str, sign: str, value: str, folder: FitFolder) 
 
 
 def _number(row: CurveRow, key: str) -> float | None:
-    """A number of a row [SI]; its place is that of the map: as it is stated, else as it was measured."""
+    """Return a number of a row [SI]; its place is that of the map: as it is stated, else as it was measured."""
     if key not in _PLACE:
         return row.number(key)
     return None if row.place is None else row.place[_PLACE.index(key)]

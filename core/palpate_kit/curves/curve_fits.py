@@ -49,12 +49,12 @@ class CurveReader:
 
 
 def settings_key(settings: str, own: Sequence[str]) -> str:
-    """A short name for the text of a settings file with a curve's own settings on top."""
+    """Return a short name for the text of a settings file with a curve's own settings on top."""
     return sha256("\n".join([settings, *own]).encode()).hexdigest()[:12]
 
 
 def offline(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with its offline tracks only."""
+    """Return the pipeline with its offline tracks only."""
     tracks = tuple(track for track in pipeline.tracks if not track.estimator.online)
     if not tracks:
         raise ConfigurationError(
@@ -75,7 +75,7 @@ def value_units(model: ContactModel) -> dict[str, str]:
 
 @lru_cache(_KINDS)
 def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
-    """The offline tracks in this process; what they have compiled is kept from curve to curve.
+    """Return the offline tracks in this process; what they have compiled is kept from curve to curve.
 
     Unless `at_length`, without what no column of the table shows. Raises ConfigurationError.
     """
@@ -97,13 +97,13 @@ def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: boo
 
 
 def _for_a_row(track: Track) -> Track:
-    """The track without what no column of the table shows and no flag is raised from."""
+    """Return the track without what no column of the table shows and no flag is raised from."""
     brief = {key: value for key, value in _AT_LENGTH.items() if key in type(track.estimator).model_fields}
     return replace(track, estimator=track.estimator.model_copy(update=brief)) if brief else track
 
 
 def fit_curves(reader: CurveReader, curves: Sequence[Curve]) -> list[list[Row]]:
-    """The rows of each curve, one for each offline track."""
+    """Return the rows of each curve, one for each offline track."""
     return [[{**row, "settings": reader.key(curve.own)} for row in _rows(reader, curve)] for curve in curves]
 
 
@@ -117,7 +117,7 @@ def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
 
 
 def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
-    """The rows of a curve that could not be fitted."""
+    """Yield the rows of a curve that could not be fitted."""
     told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
     told = told.replace(curve.file, curve.name) if curve.file else told  # the folder can be moved with its curves
     try:
@@ -133,7 +133,7 @@ def loss_rows(reader: CurveReader, curve: Curve, why: str) -> list[Row]:
 
 
 def outcome_rows(outcome: RecordOutcome, curve: str) -> Iterator[Row]:
-    """The row of each track."""
+    """Yield the row of each track."""
     for track in outcome.pipeline.tracks:
         yield {"curve": curve, "track": str(track.name)} | _numbers(outcome, str(track.name))
 
@@ -148,7 +148,7 @@ def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutc
 
 
 def _numbers(outcome: RecordOutcome, name: str) -> Row:
-    """The cells of a track: numbers where they may be used, its verdict, and every flag that concerns it."""
+    """Return the cells of a track: numbers where they may be used, its verdict, and every flag that concerns it."""
     found = outcome.result.tracks[name]
     table: dict[str, float] = {}
     if found.usable:
@@ -171,18 +171,18 @@ def _numbers(outcome: RecordOutcome, name: str) -> Row:
 
 
 def named_values(found: TrackResult) -> dict[str, UncertainValue]:
-    """The values by name, those that follow from the parameters first."""
+    """Return the values by name, those that follow from the parameters first."""
     return {**{value.name: value.found for value in found.derived}, **found.parameters}
 
 
 def row_conditions(row: Mapping[str, str]) -> dict[str, str]:
-    """The facts that nobody has stated, with what is assumed of each and its effect, of a row of fits."""
+    """Return the facts that nobody has stated, with what is assumed of each and its effect, of a row of fits."""
     entries = (entry.partition(": ") for entry in (row.get("conditions") or "").split("; ") if entry)
     return {fact: sentence for fact, _, sentence in entries}
 
 
 def _needed(found: TrackResult) -> list[str]:
-    """The facts that values of a track need, each once."""
+    """Return the facts that values of a track need, each once."""
     words = [value.verdict or "" for value in named_values(found).values()]
     return list(dict.fromkeys(word.removeprefix("needs ") for word in words if word.startswith("needs ")))
 

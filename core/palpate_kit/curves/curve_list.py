@@ -28,7 +28,7 @@ Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
 
 def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
-    """The cells of every curve by column; none without the file.
+    """Return the cells of every curve by column; none without the file.
 
     Raises LogError for a table without a column `curve`, a curve that is there twice, or one that is not among those
     `known`.
@@ -110,13 +110,13 @@ def add_curves(
 
 
 def stated_in(cells: Mapping[str, str]) -> dict[str, str]:
-    """The facts that the cells of a curve state, by their keys; a position of the tip has no beam behind it."""
+    """Return the facts that the cells of a curve state, by their keys; a position of the tip has no beam behind it."""
     found = {key: cells[name] for name, key in FACTS.items() if cells.get(name)}
     return {"beam": "none", **found} if found.get("position") == "tip" else found
 
 
 def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
-    """The facts that the cells of a curve state, as settings of this curve alone."""
+    """Return the facts that the cells of a curve state, as settings of this curve alone."""
     return tuple(f"rig.{key}={json.dumps(text)}" for key, text in stated_in(cells).items())
 
 
@@ -146,7 +146,7 @@ def fact_counts(facts: Iterable[Collection[str]], curves: int) -> str:
 
 
 def is_list(path: Path) -> bool:
-    """Whether a file says of other files what they are, and is not a curve."""
+    """Return True if a file says of other files what they are, and is not a curve."""
     if path.name != LIST or not path.is_file():
         return False
     with path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -166,6 +166,6 @@ def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
 
 
 def columns_of(curves: Iterable[Mapping[str, str]]) -> list[str]:
-    """The columns by which curves with such cells can be grouped, in their order."""
+    """Return the columns by which curves with such cells can be grouped, in their order."""
     names: Iterable[str] = (column for cells in curves for column in cells)
     return [name for name in dict.fromkeys(names) if name not in OWN]

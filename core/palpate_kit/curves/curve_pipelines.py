@@ -77,7 +77,7 @@ def pipeline_counts(folder: FitFolder, names: Iterable[str]) -> list[tuple[Pipel
 
 
 def _reading(folder: FitFolder, curve: str) -> Sequence[str]:
-    """The file and the record of a curve as ``--set``."""
+    """Return the file and the record of a curve as ``--set``."""
     device = curve_reader(folder, folder.dialect_of(curve)).device
     values = {"file": folder.file_of(curve), RECORD: folder.curve(curve).record}
     return [f"device.{device}.{key}={json.dumps(text)}" for key, text in values.items() if text]

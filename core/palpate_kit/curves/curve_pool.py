@@ -21,7 +21,7 @@ _AHEAD = 2  # portions that wait for each process: what is held in memory does n
 def on_cores(
     reader: CurveReader, curves: Iterable[Curve], workers: int, work: Callable[..., list[list[Row]]] = fit_curves
 ) -> Iterator[list[Row]]:
-    """The rows of every curve in the order of the curves, however many processes there are.
+    """Yield the rows of every curve in the order of the curves, however many processes there are.
 
     Where a process is killed, what was under way is done again one by one; a curve that kills that process, too, is
     reported and skipped.

@@ -25,7 +25,7 @@ class CurveRow:
     current: bool = True  # made with the present settings
 
     def number(self, name: str) -> float | None:
-        """A number of the row [SI]; None if it has none."""
+        """Return a number of the row [SI]; None if it has none."""
         try:
             value = float(self.cells.get(name) or "nan")
         except ValueError:
@@ -33,7 +33,7 @@ class CurveRow:
         return value if math.isfinite(value) else None
 
     def usable_number(self, name: str) -> float | None:
-        """A value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
+        """Return a value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
         return None if needs_fact(self.verdict_of(name)) else self.number(name)
 
     def systematic(self, name: str) -> float | None:
@@ -57,7 +57,7 @@ class CurveRow:
         return tuple(row_conditions(self.cells))
 
     def verdict_of(self, name: str) -> str:
-        """The verdict of a value, such as "needs delay"; "" if it has none."""
+        """Return the verdict of a value, such as "needs delay"; "" if it has none."""
         return self.cells.get(f"{name}_verdict") or ""
 
     @property
@@ -67,7 +67,7 @@ class CurveRow:
 
     @property
     def usable(self) -> bool:
-        """Whether its values may enter statistics."""
+        """True if its values may enter statistics."""
         return self.rejected is None and self.verdict not in ("", "invalid")
 
     @property

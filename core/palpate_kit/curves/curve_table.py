@@ -75,7 +75,7 @@ class FitTable:
             raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
 
     def _whole(self) -> dict[str, str]:
-        """The settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
+        """Return the settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
         found: dict[str, str] = {}
         name, count = "", 0
         head, end = _head_of(self.path)
@@ -95,7 +95,7 @@ class FitTable:
         return found
 
     def left(self, curves: Iterable[Curve], reader: CurveReader) -> Iterable[Curve]:
-        """The curves that have no rows by their present settings."""
+        """Return the curves that have no rows by their present settings."""
         return (curve for curve in curves if self.done.get(curve.name) != reader.key(curve.own))
 
     def _text(self, rows: Iterable[Mapping[str, str]]) -> str:
@@ -153,13 +153,13 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, s
 
 
 def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
-    """The columns of a table of the fits of a pipeline."""
+    """Return the columns of a table of the fits of a pipeline."""
     names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
     return _columns(names)
 
 
 def _columns(names: Sequence[str]) -> tuple[str, ...]:
-    """Every value with its uncertainties and its verdict, but for the surface, which has none."""
+    """Return every value with its uncertainties and its verdict, but for the surface, which has none."""
     of_values = [f"{name}{kind}" for name in names for kind in (*_KINDS, *(["_verdict"] if name != names[-1] else []))]
     return (*_HEAD, *of_values, *_TAIL)
 
@@ -181,12 +181,12 @@ def demand_columns(path: Path) -> None:
 
 
 def columns_in(path: Path) -> tuple[str, ...]:
-    """The columns of a table of fits; raises LogError where it cannot be read."""
+    """Return the columns of a table of fits; raises LogError where it cannot be read."""
     return _head_of(path)[0]
 
 
 def latest_rows(path: Path) -> list[Row]:
-    """The rows of a table of fits, of each curve those that were written last, in the order of the first."""
+    """Return the rows of a table of fits, of each curve those that were written last, in the order of the first."""
     rows: dict[str, dict[str, Row]] = {}
     for _, row in rows_of_fits(path):
         of_curve = rows.setdefault(row["curve"], {})
@@ -203,7 +203,7 @@ def fitted_rows(path: Path) -> list[Row]:
 
 
 def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
-    """Every row of a table of fits with the place [bytes] behind it; a last line that is torn is left out.
+    """Yield every row of a table of fits with the place [bytes] behind it; a last line that is torn is left out.
 
     Raises LogError with line and column for a row that lacks cells, and for a cell that is not what it has to be.
     """
@@ -233,7 +233,7 @@ def _wanted(name: str, cell: str) -> str:
 
 
 def _head_of(path: Path) -> tuple[tuple[str, ...], int]:
-    """The columns of a table, and where its rows begin [bytes]; raises LogError."""
+    """Return the columns of a table, and where its rows begin [bytes]; raises LogError."""
     with _readable(path) as file:
         return tuple(next(csv.reader([file.readline(_LINE).decode()]), ())), file.tell()
 

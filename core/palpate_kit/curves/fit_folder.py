@@ -45,12 +45,12 @@ from palpate_kit.runs.review_file import Marks, read_marks
 
 
 def is_fit_folder(path: Path) -> bool:
-    """Whether a folder holds fits of many curves."""
+    """Return True if a folder holds fits of many curves."""
     return (path / TABLE).exists()
 
 
 def stale_words(folder: FitFolder) -> str:
-    """A sentence on rows that were made with other settings; empty without any."""
+    """Return a sentence on rows that were made with other settings; empty without any."""
     rows = folder.rows
     old = sum(row.state == "stale" for row in rows)
     anew = f"palpate fit {folder.path} repeats them"
@@ -69,7 +69,7 @@ class FitFolder:
         return dialects_in(self.path / SETTINGS)
 
     def settings_text(self, dialect: str = "") -> str:
-        """The text of the pipeline of a dialect; raises LogError."""
+        """Return the text of the pipeline of a dialect; raises LogError."""
         return settings_text(self.path / SETTINGS, dialect)
 
     @property
@@ -111,7 +111,7 @@ class FitFolder:
         return read_own(self.path, self.names)
 
     def settings_of(self, curve: str) -> tuple[str, ...]:
-        """The settings of one curve: the facts in ``rig.toml``, those in ``curves.csv``, then ``own.toml``."""
+        """Return the settings of one curve: the facts in ``rig.toml``, those in ``curves.csv``, then ``own.toml``."""
         return (*self.facts_left_open(self.dialect_of(curve)), *self.own_of(curve))
 
     def names_of(self, file: Path, record: str | None = None) -> list[str]:
@@ -120,7 +120,7 @@ class FitFolder:
         return [curve.name for curve in curves if record is None or curve.record == record]
 
     def own_of(self, curve: str) -> tuple[str, ...]:
-        """The settings of one curve that others need not have."""
+        """Return the settings of one curve that others need not have."""
         return (*fact_assignments(self.entries.get(curve, {})), *self.own.get(curve, ()))
 
     @cached_property
@@ -133,7 +133,7 @@ class FitFolder:
             raise LogError(str(error)) from error
 
     def facts_left_open(self, dialect: str) -> tuple[str, ...]:
-        """The facts that the pipeline of a dialect leaves open, as settings; raises LogError."""
+        """Return the facts that the pipeline of a dialect leaves open, as settings; raises LogError."""
         if dialect not in self._open:
             tables = toml_tables(self.settings_text(dialect)) if self.facts != RigFacts() else {}
             self._open[dialect] = tuple(facts_left_open(tables, self.facts, registry.load()) if tables else ())
@@ -170,7 +170,7 @@ class FitFolder:
         return self.keys[kind]
 
     def rows_of(self, curve: str) -> list[CurveRow]:
-        """The rows of a curve, or one without cells."""
+        """Return the rows of a curve, or one without cells."""
         groups, key = self.entries.get(curve, {}), self.key(curve)
         marked = (self.marks.rejected.get(curve), curve in self.marks.accepted)
         rows = self.by_curve[curve] or [{}]
@@ -198,16 +198,16 @@ class FitFolder:
         return summary_of(self.cells, self.values[:-1])
 
     def curves(self) -> list[Curve]:
-        """The curves whose files are known, with their own settings."""
+        """Return the curves whose files are known, with their own settings."""
         return [self.curve(name) for name in self.names if self.file_of(name)]
 
     def curve(self, name: str) -> Curve:
-        """A curve whose file is known, with its own settings."""
+        """Return a curve whose file is known, with its own settings."""
         record = self.entries.get(name, {}).get(RECORD) or None
         return Curve(name, self.file_of(name), own=self.settings_of(name), record=record)
 
     def file_of(self, curve: str) -> str:
-        """The file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""
+        """Return the file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""
         file = self.entries.get(curve, {}).get(FILE, "")
         return os.path.normpath((self.curves_folder or self.path.resolve()) / file) if file else ""
 
@@ -222,7 +222,7 @@ class FitFolder:
         return approved_plugins().union(trusted_plugins())
 
     def dialect_of(self, curve: str) -> str:
-        """The dialect in which a curve is written; "" for that of the pipeline's own tables."""
+        """Return the dialect in which a curve is written; "" for that of the pipeline's own tables."""
         return self.entries.get(curve, {}).get(DIALECT, "")
 
     @cached_property

@@ -51,7 +51,7 @@ def write_provenance(folder: Path, entries: list[FitProvenance]) -> None:
 
 
 def _command(folder: Path) -> str:
-    """The command line, each path in it as seen from the folder, so that both can be moved."""
+    """Return the command line, each path in it as seen from the folder, so that both can be moved."""
     if Path(sys.argv[0]).stem != "palpate":
         return "in Python"
     here = folder.resolve()

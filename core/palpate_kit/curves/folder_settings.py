@@ -24,13 +24,15 @@ def reading_keys(device: str) -> tuple[str, ...]:
 
 
 def curves_folder(folder: Path) -> Path | None:
-    """The folder from which the files of curves are seen, as the pipeline states it; None where it states none."""
+    """Return the folder from which the files of curves are seen, as the pipeline states it; None where it states
+    none."""
     stated = _run_table(_settings(folder / SETTINGS)).get(CURVES)
     return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
 
 
 def settings_text(path: Path, dialect: str = "") -> str:
-    """The pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises LogError."""
+    """Return the pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises
+    LogError."""
     try:
         return tomli_w.dumps(without_curves_folder(dialect_tables(_settings(path), dialect)))
     except ConfigurationError as error:
@@ -38,14 +40,15 @@ def settings_text(path: Path, dialect: str = "") -> str:
 
 
 def without_curves_folder(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables of a pipeline of a folder of fits but for where its curves are."""
+    """Return the tables of a pipeline of a folder of fits but for where its curves are."""
     if CURVES not in (run := _run_table(tables)):
         return {**tables}
     return {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
 
 
 def dialects_in(path: Path) -> list[str]:
-    """The dialects of the pipeline of a folder of fits, its own tables first, which have no name; raises LogError."""
+    """Return the dialects of the pipeline of a folder of fits, its own tables first, which have no name; raises
+    LogError."""
     return ["", *_settings(path).get(DIALECT, {})]
 
 
@@ -63,7 +66,7 @@ def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
 
 
 def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
+    """Return the table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
     run = tables.get("run")
     return run if isinstance(run, dict) else {}
 

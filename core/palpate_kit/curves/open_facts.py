@@ -28,7 +28,7 @@ WITHOUT_A_FIT = tuple(OpenFact(key, "it counts as open") for key in ("tip_mass",
 
 
 def open_facts(tracks: Iterable[TrackResult]) -> list[OpenFact]:
-    """The open facts of tracks that a person can state, each once, most effective first."""
+    """Return the open facts of tracks that a person can state, each once, most effective first."""
     largest: dict[str, OpenFact] = {}
     for track in tracks:
         for fact in (*_of_findings(track), *_of_conditions(track)):
@@ -45,7 +45,7 @@ def _of_conditions(track: TrackResult) -> Iterator[OpenFact]:
 
 
 def _of_findings(track: TrackResult) -> Iterator[OpenFact]:
-    """The facts by which findings can be settled; a fact of which the record shows a sign comes before others."""
+    """Yield the facts by which findings can be settled; a fact of which the record shows a sign comes before others."""
     options = {option_of(key): key for key in facts_stated().values()}
     for finding in track_row(track, "").judging_findings:
         key = options.get(finding.remedy.partition(" ")[0])
@@ -55,7 +55,7 @@ def _of_findings(track: TrackResult) -> Iterator[OpenFact]:
 
 
 def _size(condition: Condition, values: Mapping[str, UncertainValue]) -> float:
-    """How far an alternative moves a value, over the value or two of its uncertainties; the largest."""
+    """Return how far an alternative moves a value, over the value or two of its uncertainties; the largest."""
     sizes: Iterable[float] = (
         abs(shift) / max(abs(value.value), 2 * value.combined, 1e-300)
         for name, shift in condition.shifts.items()

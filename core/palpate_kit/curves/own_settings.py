@@ -15,7 +15,7 @@ Own = dict[str, tuple[str, ...]]  # ``table.key=value`` by the name of the curve
 
 
 def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
-    """The settings of single curves; none without the file.
+    """Return the settings of single curves; none without the file.
 
     Raises LogError for a file that is not valid, and for a curve that is not among those `known`.
     """

@@ -40,7 +40,7 @@ def compare_rows(
 
 
 def unit_of(curve: str, cells: Cells, unit: str) -> str:
-    """The unit that a curve belongs to; raises ConfigurationError where ``curves.csv`` does not say."""
+    """Return the unit that a curve belongs to; raises ConfigurationError where ``curves.csv`` does not say."""
     if unit == CURVE:
         return curve
     if not cells.get(unit):
@@ -52,7 +52,7 @@ def unit_of(curve: str, cells: Cells, unit: str) -> str:
 
 
 def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = None) -> str:
-    """The column that names the units of groups of curves; `curve` where each curve is one.
+    """Return the column that names the units of groups of curves; `curve` where each curve is one.
 
     By default the column with at least two values in each group whose values lie in one group each; of several the
     coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is not such a
@@ -78,20 +78,20 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
 
 
 def shared_units(groups: Mapping[str, Sequence[Cells]], column: str) -> list[str]:
-    """The values of `column` that occur in more than one group, in order of first occurrence."""
+    """Return the values of `column` that occur in more than one group, in order of first occurrence."""
     of_group = [dict.fromkeys(cells.get(column) or "" for cells in found) for found in groups.values()]
     counts = Counter(value for values in of_group for value in values if value)
     return [value for value, count in counts.items() if count > 1]
 
 
 def _names_units(groups: Mapping[str, Sequence[Cells]], column: str) -> bool:
-    """Whether a column has at least two values in each group, and each value in one group."""
+    """Return True if a column has at least two values in each group, and each value in one group."""
     several = all(len({cells.get(column) or "" for cells in found} - {""}) > 1 for found in groups.values())
     return several and not shared_units(groups, column)
 
 
 def _lies_within(fine: str, coarse: str, curves: Sequence[Cells]) -> bool:
-    """Whether the curves of each value of one column have one value of another."""
+    """Return True if the curves of each value of one column have one value of another."""
     found: dict[str, set[str]] = {}
     for cells in curves:
         if cells.get(fine) and cells.get(coarse):

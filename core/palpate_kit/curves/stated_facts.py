@@ -109,7 +109,8 @@ class StatedFacts:
 
 
 def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str | None) -> StatedFacts:
-    """The facts next to files, with those among overrides and those `given` on top; raises ConfigurationError."""
+    """Return the facts next to files, with those among overrides and those `given` on top; raises
+    ConfigurationError."""
     table: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
     settings: list[str] = []
     named: Path | None = None
@@ -157,7 +158,7 @@ def suggestion_by_facts(file: Path, facts: RigFacts, choices: Mapping[str, str],
 
 
 def rig_beside(sources: Sequence[Path]) -> Path | None:
-    """The file of facts next to files, where there is one; raises ConfigurationError for several."""
+    """Return the file of facts next to files, where there is one; raises ConfigurationError for several."""
     there = [path for path in _places(sources) if path.is_file() and not _is_pipeline(path)]
     if len(there) > 1:
         raise ConfigurationError(f"{there[0]} and {there[1]}: which holds the facts? Name it with --rig FILE")
@@ -185,7 +186,7 @@ def _places(sources: Sequence[Path]) -> list[Path]:
 
 
 def _is_pipeline(path: Path) -> bool:
-    """Whether a file that is called like one of facts is a pipeline; one with mistakes does not count yet."""
+    """Return True if a file that is called like one of facts is a pipeline; one with mistakes does not count yet."""
     with suppress(OSError, ValueError):
         return "device" in toml_tables(bounded_text(path))
     return False

@@ -65,7 +65,7 @@ def _told(outcome: Any) -> Outcome:
 
 
 def _distributed() -> Any:
-    """The package; raises ConfigurationError where it is not installed."""
+    """Return the package; raises ConfigurationError where it is not installed."""
     try:
         import distributed
     except ImportError:
@@ -133,7 +133,7 @@ class _WorkerFailureError(Exception):
 
 
 def _outcome(future: Any) -> Any:
-    """The result of a task, or the exception that it raised or that ended it; raises _WorkerFailureError."""
+    """Return the result of a task, or the exception that it raised or that ended it; raises _WorkerFailureError."""
     if future.status in ("lost", "pending"):
         raise _WorkerFailureError
     try:
@@ -165,7 +165,7 @@ def _sees(path: str) -> bool:
 
 
 def loss_reason(error: BaseException) -> str:
-    """Why a task has come to nothing, in words."""
+    """Return why a task has come to nothing, in words."""
     if type(error).__name__ == "KilledWorker":
         return "lost: its process was killed several times: is the memory enough?"
     return f"lost: {type(error).__name__}: {error}"

@@ -16,7 +16,7 @@ _DEATHS = 3  # processes that a job may take with it
 
 
 def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[tuple[Job, Outcome]]:
-    """The engine of this machine: as many processes as cores.
+    """Yield the engine of this machine: as many processes as cores.
 
     Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
     jobs that ran at the same time one by one, so that the one that kills its process is known and given up after three.

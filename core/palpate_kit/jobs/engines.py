@@ -45,7 +45,7 @@ def demand_no_jobs(jobs: int | None) -> None:
 
 
 def engine_of(scheduler: str | None, jobs: int | None, folder: Path, stage: str | None = None) -> Engine:
-    """The engine that the options ask for; raises ConfigurationError where they contradict each other."""
+    """Return the engine that the options ask for; raises ConfigurationError where they contradict each other."""
     demand_scheduler(scheduler, stage)
     if scheduler is None:
         from palpate_kit.jobs.cores import on_all_cores

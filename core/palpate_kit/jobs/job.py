@@ -49,7 +49,8 @@ Outcome = RunAnswer | PalpateError  # StoppedError where somebody stopped the ru
 
 
 def run_or_find(job: Job) -> RunAnswer:
-    """The result of a run that nobody has stopped: found where an earlier attempt has made it. Raises PalpateError."""
+    """Return the result of a run that nobody has stopped: found where an earlier attempt has made it. Raises
+    PalpateError."""
     if (found := cached_result(job)) is not None:
         return RunAnswer(found)
     result = run_pipeline(job.pipeline(), unused_folder(job.folder))
@@ -76,7 +77,7 @@ class PortablePipeline:
         return source
 
     def pipeline(self) -> Pipeline:
-        """The pipeline; raises UserError where it has a mistake."""
+        """Return the pipeline; raises UserError where it has a mistake."""
         return build_pipeline(self.source)
 
 
@@ -90,15 +91,15 @@ class Job:
     work: Callable[[Job], RunAnswer] = run_or_find  # raises PalpateError
 
     def pipeline(self) -> Pipeline:
-        """The pipeline; raises UserError where it has a mistake."""
+        """Return the pipeline; raises UserError where it has a mistake."""
         return self.plan.pipeline() if isinstance(self.plan, PortablePipeline) else self.plan
 
     def pipelines(self) -> list[Pipeline]:
-        """All pipelines that the job reads; raises UserError where one has a mistake."""
+        """Return all pipelines that the job reads; raises UserError where one has a mistake."""
         return [self.pipeline()]
 
     def placed(self) -> Job:
-        """The job with paths that mean the same wherever it runs."""
+        """Return the job with paths that mean the same wherever it runs."""
         plan = (
             replace(self.plan, path=self.plan.path.resolve()) if isinstance(self.plan, PortablePipeline) else self.plan
         )
@@ -133,7 +134,8 @@ def cached_result(job: Job) -> Result | None:
 
 
 def unused_folder(folder: Path) -> Path:
-    """The folder, or one next to it where an earlier attempt has left something, as a process does that was killed."""
+    """Return the folder, or one next to it where an earlier attempt has left something, as a process does that was
+    killed."""
     return next(path for path in _attempts(folder) if not path.exists())
 
 
@@ -167,7 +169,7 @@ class Parcel:
 
     @classmethod
     def of(cls, job: Job) -> Parcel:
-        """A job, packed; raises ConfigurationError where it cannot be."""
+        """Return a job, packed; raises ConfigurationError where it cannot be."""
         plugins: tuple[Path, ...] = ()
         if isinstance(job.plan, PortablePipeline):
             with suppress(UserError):  # which the job, which cannot be done, reports

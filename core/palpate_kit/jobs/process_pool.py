@@ -34,7 +34,7 @@ def core_count() -> int:
 
 
 def process_pool(count: int, initializer: Callable[[], object] | None = None) -> ProcessPoolExecutor:
-    """A pool of so many processes, none of them forked: forking a process with threads is asking for trouble."""
+    """Return a pool of so many processes, none of them forked: forking a process with threads is asking for trouble."""
     with safe_processes():
         resource_tracker.ensure_running()
     return ProcessPoolExecutor(count, mp_context=_SafeContext(), initializer=begin_worker, initargs=(initializer,))

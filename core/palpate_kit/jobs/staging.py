@@ -26,7 +26,7 @@ class Stage:
     url: str
 
     def _reached(self) -> tuple[Any, str]:
-        """The file system of the place, and where in it; raises ConfigurationError."""
+        """Return the file system of the place, and where in it; raises ConfigurationError."""
         try:
             import fsspec
 
@@ -83,7 +83,7 @@ class Stage:
             os.replace(partial, path)
 
     def holds(self, run: str) -> bool:
-        """Whether a run is whole in the place."""
+        """Return True if a run is whole in the place."""
         with self._access() as (files, root):
             return bool(files.exists(f"{root}/runs/{run}/{RESULT}"))
 
@@ -140,7 +140,7 @@ def run_staged(staged: StagedJob) -> Outcome:
 
 
 def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
-    """An outcome with its run folder brought here; raises OutputError where that cannot be."""
+    """Return an outcome with its run folder brought here; raises OutputError where that cannot be."""
     if not isinstance(outcome, RunAnswer) or not outcome.result.run:
         return outcome
     if (found := cached_result(job)) is None:
@@ -151,7 +151,8 @@ def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
 
 
 def input_files(pipeline: Pipeline) -> Iterator[Path]:
-    """Every file that a pipeline's settings name and that is there; of a folder, such as a bag, all that is in it."""
+    """Yield every file that a pipeline's settings name and that is there; of a folder, such as a bag, all that is in
+    it."""
     parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.estimators, pipeline.trajectories)
     for path in _paths([pipeline.run, pipeline.safety, *parts, pipeline.surfaces, pipeline.sinks, pipeline.tables]):
         whole = Path(os.path.abspath(path))

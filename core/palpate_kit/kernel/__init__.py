@@ -38,7 +38,7 @@ class Kernel(Protocol):
 
 
 def step_function(step: Step) -> Any:
-    """The CasADi function that every kernel is made from."""
+    """Return the CasADi function that every kernel is made from."""
     import casadi
 
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
@@ -46,7 +46,7 @@ def step_function(step: Step) -> Any:
 
 
 def compile_step(step: Step) -> Kernel:
-    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    """Return the fastest kernel that this machine has, for a step; all of them give the same bits."""
     function = step_function(step)
     if kernel_choice()[0] == "llvm":
         try:
@@ -58,7 +58,7 @@ def compile_step(step: Step) -> Kernel:
 
 
 def kernel_description() -> str:
-    """The kernel that a step really gets, not the one that it should, and why."""
+    """Return the kernel that a step really gets, not the one that it should, and why."""
     import casadi
 
     x, w, p = (casadi.SX.sym(name) for name in "xwp")

@@ -28,7 +28,7 @@ def kernel_choice() -> tuple[str, str]:
 
 @cache
 def _llvmlite() -> str | None:
-    """The installed version; looking it up takes longer than a second of log."""
+    """Return the installed version; looking it up takes longer than a second of log."""
     try:
         return version("llvmlite")
     except PackageNotFoundError:

@@ -33,7 +33,7 @@ def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
 
 
 def _folder() -> Path | None:
-    """The user's own folder, closed to others; None without one, or with ``PALPATE_CACHE=off``."""
+    """Return the user's own folder, closed to others; None without one, or with ``PALPATE_CACHE=off``."""
     wanted = os.environ.get(_VARIABLE)
     if wanted == "off":
         return None
@@ -49,7 +49,7 @@ def _folder() -> Path | None:
 
 
 def _read(file: Path) -> bytes | None:
-    """The code of a file; None if it is missing, another user's, a link, or not what was written."""
+    """Return the code of a file; None if it is missing, another user's, a link, or not what was written."""
     try:
         with open(os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as opened:
             found = os.fstat(opened.fileno())

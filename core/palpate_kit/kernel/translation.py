@@ -57,7 +57,7 @@ class Translation:
         self._declared: dict[str, Any] = {}
 
     def module(self) -> Any:
-        """The LLVM module, with the functions `run` and `single`."""
+        """Return the LLVM module, with the functions `run` and `single`."""
         ir = self._ir
         self._module = ir.Module(name="step")
         integer, pointer = ir.IntType(64), self._double.as_pointer()

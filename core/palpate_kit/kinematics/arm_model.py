@@ -210,7 +210,7 @@ def solve(jacobian: Floats, twist: Floats) -> Floats:
 
 
 def inverse_of(jacobian: Floats) -> Floats:
-    """The inverse (n, 6) of a Jacobian (6, n), that of the smallest speeds; raises numpy's LinAlgError."""
+    """Return the inverse (n, 6) of a Jacobian (6, n), that of the smallest speeds; raises numpy's LinAlgError."""
     if jacobian.shape[1] == 6:
         return np.asarray(np.linalg.inv(jacobian), np.float64)
     return np.asarray(jacobian.T @ np.linalg.inv(jacobian @ jacobian.T), np.float64)
@@ -233,5 +233,5 @@ def _shift(x: float, z: float) -> Floats:
 
 
 def numbers_of(matrix: Floats) -> Transform:
-    """A transform (4, 4) as its twelve numbers."""
+    """Return a transform (4, 4) as its twelve numbers."""
     return (*(matrix[:3, :3] + 0.0).ravel().tolist(), *(matrix[:3, 3] + 0.0).tolist())

@@ -15,7 +15,7 @@ def rotation_to(normal: Floats) -> Floats:
 
 
 def rotation_rate(normal: Floats, rate: Floats) -> Floats:
-    """How fast these vectors change (n, 3) [rad/s], of normals that change at a rate (n, 3) [1/s]."""
+    """Return how fast these vectors change (n, 3) [rad/s], of normals that change at a rate (n, 3) [1/s]."""
     scale, slope = _scales(normal[:, 2])
     growth = slope * rate[:, 2]
     x, y = scale * rate[:, 0] + growth * normal[:, 0], scale * rate[:, 1] + growth * normal[:, 1]

@@ -40,7 +40,8 @@ A, D = ([link[at] for link in UR3E.links] for at in (9, 11))  # [m]
 
 
 def distinguishable(q: Sequence[float], tcp: Floats, position: Floats) -> tuple[ArmModel, float]:
-    """The model whose forward kinematics come nearest to a measured position (3,) [m] of the tip, and how near [m]."""
+    """Return the model whose forward kinematics come nearest to a measured position (3,) [m] of the tip, and how
+    near [m]."""
     apart = {name: float(np.linalg.norm(m.tip(q, tcp)[0][:3, 3] - position)) for name, m in MODELS.items()}
     nearest = min(apart, key=lambda name: apart[name])
     return MODELS[nearest], apart[nearest]

@@ -17,7 +17,7 @@ _ENDLESS = 1e4  # [rad] to both sides, of a joint that turns round and round
 
 
 def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
-    """The joints between two links of a URDF file.
+    """Return the joints between two links of a URDF file.
 
     Raises ConfigurationError, with file and joint, where that is not a chain of turning joints, or one of them has
     no limits: without an end and a speed nothing is known to be allowed.
@@ -89,7 +89,7 @@ def _limits(joint: Any, path: Path) -> tuple[float, float, float]:
 
 
 def _axis(joint: Any) -> Floats:
-    """The turn (4, 4) from z to a joint's axis."""
+    """Return the turn (4, 4) from z to a joint's axis."""
     direction = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, float)
     direction = direction / np.linalg.norm(direction)
     opposite = math.hypot(*direction[:2].tolist()) < _ROUNDING and direction[2] < 0.0

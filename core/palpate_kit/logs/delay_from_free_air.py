@@ -25,7 +25,7 @@ _MOST = 0.02  # [s] of standard deviation beyond which nothing is said
 def air_delay(
     force_time: Floats, force: Floats, position_time: Floats, position: Floats
 ) -> tuple[float, float, float] | None:
-    """How much later [s] the force is recorded than the motion, its standard deviation, and the mass [kg].
+    """Return how much later [s] the force is recorded than the motion, its standard deviation, and the mass [kg].
 
     Force is positive in contact, position upwards. None where nothing moves in free air, or not enough.
     """

@@ -40,7 +40,7 @@ _REPLAY = "-replay"  # how the names of devices of palpate end that read logs
 
 
 def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
-    """The device that reads logs of this format; raises LogError if no device reads it."""
+    """Return the device that reads logs of this format; raises LogError if no device reads it."""
     if not log.exists():
         raise LogError(f"{log}: no such file")
     known = registry or registries.load()
@@ -60,7 +60,8 @@ def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]
 
 
 def system_at(address: str) -> SystemSurvey | None:
-    """The running system at an address such as ``ros2://0``; None where the text is not an address of any device."""
+    """Return the running system at an address such as ``ros2://0``; None where the text is not an address of any
+    device."""
     if not _ADDRESS.match(address):
         return None
     parts: Iterator[Any] = (entry.part for entry in registries.load().parts["device"].values())
@@ -110,7 +111,8 @@ def rate_note(choices: Mapping[str, str], suggestions: Iterable[Suggestion]) -> 
 
 
 def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:
-    """A pipeline in TOML with its reasons; for a file in the folder `beside`, with the log's path right from there."""
+    """Return a pipeline in TOML with its reasons; for a file in the folder `beside`, with the log's path right from
+    there."""
     templates = registries.load().templates
     if suggestion.template not in templates:
         raise PluginError(f"no plugin offers the template {suggestion.template!r} of tip, model and estimators")
@@ -121,7 +123,7 @@ def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -
 
 
 def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
-    """A whole pipeline in TOML: what is suggested with its reasons, then the `rest` of the tables."""
+    """Return a whole pipeline in TOML: what is suggested with its reasons, then the `rest` of the tables."""
     words = [f"A pipeline for {log.name}. What was found, and why:", *(f"  {text}" for text in suggestion.reasons)]
     words += [f"FILL IN {text}" for text in suggestion.blanks]
     words += [f"CHECK {text}" for text in suggestion.doubts]
@@ -149,7 +151,7 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A value on one line."""
+    """Return a value on one line."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):

@@ -161,7 +161,8 @@ def quaternions(rotations: Floats) -> Floats:
 def joint_feeds(
     container: Container, kinematics: Kinematics, clock: Clock, log: str
 ) -> tuple[list[TopicFeed], TopicFeed]:
-    """The streams of the tip, with its velocity where the joints' is recorded, and the orientation; raises LogError."""
+    """Return the streams of the tip, with its velocity where the joints' is recorded, and the orientation; raises
+    LogError."""
     if kinematics.topic not in container.topics:
         there = ", ".join(container.topics) or "none"
         raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {there})")
@@ -183,7 +184,7 @@ def joint_feeds(
 
 
 def _has_speeds(container: Container, twist: TopicFeed) -> bool:
-    """Whether the first message that names the joints has their speeds."""
+    """Return True if the first message that names the joints has their speeds."""
     for _, messages in container.blocks({twist.topic}):
         table = twist.decoder.read(messages, twist.readings)
         if len(table.values):

@@ -35,7 +35,8 @@ class MessageReader:
         self.topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in self._turned if feed.orientation}
 
     def read(self, topic: str, messages: Messages, clock: HostTime | None = None) -> Iterator[Batch]:
-        """The batches that a block of one topic's messages makes ready; `clock` maps stamps [ns] by their arrival."""
+        """Yield the batches that a block of one topic's messages makes ready; `clock` maps stamps [ns] by their
+        arrival."""
         for feed in self._feeds.get(topic, ()):
             stamps, received, values = self._numbers(feed, messages, clock)
             if feed.orientation is not None:
@@ -70,7 +71,7 @@ class LogLink:
         self._container, self._feeds, self._window, self._log = container, feeds, window, log
 
     def batches(self) -> Iterator[Batch]:
-        """Every block of the log, as a batch of each stream that it feeds; a thread reads ahead."""
+        """Return every block of the log, as a batch of each stream that it feeds; a thread reads ahead."""
         return ahead(self._read(), _AHEAD)
 
     def _read(self) -> Generator[Batch]:
@@ -85,13 +86,13 @@ class LogLink:
 def described_feeds(
     container: Container, signals: Mapping[str, MappedSignal], kinematics: Kinematics | None, clock: Clock, log: str
 ) -> list[TopicFeed]:
-    """The streams that signals and a robot's kinematics describe; raises LogError."""
+    """Return the streams that signals and a robot's kinematics describe; raises LogError."""
     tip, turn = ([], None) if kinematics is None else joint_feeds(container, kinematics, clock, log)
     return distinct([*mapped_feeds(container, signals, clock, log, turn), *tip], log)
 
 
 def distinct(feeds: list[TopicFeed], log: str) -> list[TopicFeed]:
-    """The feeds, if no two of them make streams of one name; raises LogError."""
+    """Return the feeds, if no two of them make streams of one name; raises LogError."""
     names = [feed.stream.name for feed in feeds]
     for feed in feeds:
         if names.count(feed.stream.name) > 1:
@@ -117,7 +118,7 @@ def window(container: Container, begin: float | None, end: float | None) -> tupl
 
 
 def file_facts(path: Path, files: Sequence[Path]) -> Mapping[str, str]:
-    """The log and the SHA-256 of its bytes, for a record that can be redone."""
+    """Return the log and the SHA-256 of its bytes, for a record that can be redone."""
     digest = hashlib.sha256()
     for file in files:
         with readable(regular(file)) as opened:

@@ -28,7 +28,7 @@ _STRETCHES = 50
 
 
 def on_grid(times: list[Floats], columns: list[Floats]) -> tuple[Floats, list[Floats]]:
-    """A common grid of times [s], and every column on it, without spikes that are not part of its movement."""
+    """Return a common grid of times [s], and every column on it, without spikes that are not part of its movement."""
     usual = [float(np.median(np.diff(time))) for time in times if len(time) > 2]
     begin, end = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     step = max(min((u for u in usual if u > 0), default=1.0), (end - begin) / _MOST)
@@ -190,6 +190,6 @@ def force_sign(force: Floats, law: ContactEvidence) -> Sign:
 
 
 def _one_side(force: Floats) -> int:
-    """The side of zero on which all of a force is; 0 where it is on both."""
+    """Return the side of zero on which all of a force is; 0 where it is on both."""
     low, high = (float(x) for x in np.percentile(force, (1.0, 99.0)))
     return 1 if low > 0 else -1 if high < 0 else 0

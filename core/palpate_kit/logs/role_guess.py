@@ -40,12 +40,12 @@ class NumberColumn:
 
     @property
     def is_guess(self) -> bool:
-        """Whether nothing states its role, though it has a name."""
+        """True if nothing states its role, though it has a name."""
         return self.named and not self.why
 
     @property
     def commanded(self) -> bool:
-        """Whether its name marks it as commanded, not measured."""
+        """True if its name marks it as commanded, not measured."""
         return any(word in self.label.lower() for word in _COMMAND)
 
 
@@ -108,7 +108,7 @@ class Search:
         return self._laws[p, f]
 
     def _same(self, one: int, other: int) -> bool:
-        """Whether two columns are the same, but for an offset, a sign and a unit."""
+        """Return True if two columns are the same, but for an offset, a sign and a unit."""
         a, b = self._columns[one], self._columns[other]
         spread = float(a.std() * b.std())
         return spread > 0 and float(np.mean((a - a.mean()) * (b - b.mean())) / spread) ** 2 > _SAME
@@ -124,7 +124,7 @@ class Search:
         return float(score * (0.9 if self._rough[p] > self._rough[f] else 1.0))
 
     def found(self) -> RoleGuess | None:
-        """The best roles; None where nothing can be a force or a position."""
+        """Return the best roles; None where nothing can be a force or a position."""
         pairs = self._pairs()
         if not pairs:
             return None

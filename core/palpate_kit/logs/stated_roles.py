@@ -29,12 +29,13 @@ _NONE = ("stamp", "header", "orientation", "rotation", "covariance", "layout", "
 
 
 def role_of_type(topic: str, type_name: str) -> tuple[str, str] | None:
-    """The role of a topic of a known type, and its number; None where the type gives none."""
+    """Return the role of a topic of a known type, and its number; None where the type gives none."""
     return _TYPED.get(short_name(type_name))
 
 
 def role_of_name(name: str) -> tuple[str | None, str, str | None]:
-    """The role that a number's name states, by what, and its unit, which names do not state; "other" is not a role."""
+    """Return the role that a number's name states, by what, and its unit, which names do not state; "other" is not a
+    role."""
     words = name.lower()
     if any(word in words for word in _NONE) or role_by_words(_field_of(name)) == "other":
         return "other", "", None
@@ -91,7 +92,7 @@ def _quaternion_stems(stem: str) -> Iterator[str]:
 
 
 def runs_with(values: Floats, logged: Floats) -> bool:
-    """Whether a column is the time in seconds: it always grows, as fast as the log time."""
+    """Return True if a column is the time in seconds: it always grows, as fast as the log time."""
     steps = np.diff(values)
     span = logged[-1] - logged[0]
     return bool(

@@ -55,7 +55,7 @@ def doubtful_points(found: RoleGuess) -> list[str]:
 
 
 def reasons_of(found: RoleGuess) -> list[str]:
-    """Why each role was chosen, and which way it counts."""
+    """Return why each role was chosen, and which way it counts."""
     said = []
     for role, pick in found.picks.items():
         sign = found.signs[role]
@@ -67,7 +67,7 @@ def reasons_of(found: RoleGuess) -> list[str]:
 
 
 def find_roles(series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> RoleGuess | None:
-    """The roles of a log's numbers."""
+    """Return the roles of a log's numbers."""
     return Search(series, chosen).found()
 
 
@@ -87,7 +87,7 @@ def air_window(time: Floats) -> float:
 
 
 def no_tare(time: Floats, force: Floats) -> str | None:
-    """Why the first moments give no tare: the force moves, or the tip touches already; None where they do."""
+    """Return why the first moments give no tare: the force moves, or the tip touches already; None where they do."""
     seconds = air_window(time)
     window = force[time - time[0] <= seconds]
     if len(window) < _FEWEST:
@@ -105,13 +105,13 @@ def no_tare(time: Floats, force: Floats) -> str | None:
 
 
 def tip_of(choices: Mapping[str, str]) -> Indenter | None:
-    """The tip among choices, by which units are guessed; None without any."""
+    """Return the tip among choices, by which units are guessed; None without any."""
     return _tip(choices[TIP], frozenset(approved_plugins())) if TIP in choices else None
 
 
 @lru_cache(1)
 def _tip(text: str, plugins: frozenset[str]) -> Indenter:
-    """The tip of a text, whose kind may be of one of these plugins."""
+    """Return the tip of a text, whose kind may be of one of these plugins."""
     known = registry.load()
     table = tip_table(text, known)
     found: Indenter = known.find("indenter", table.pop("type"))(**table)  # type: ignore[assignment]
@@ -119,13 +119,14 @@ def _tip(text: str, plugins: frozenset[str]) -> Indenter:
 
 
 def length_unit(span: float, tip: Indenter | None = None) -> str:
-    """The likeliest unit of a position by how far it moves, which is more than a twenty-fifth of the tip's radius."""
+    """Return the likeliest unit of a position by how far it moves, which is more than a twenty-fifth of the tip's
+    radius."""
     least = _LEAST * _radius(tip)
     return next((unit for unit, factor in _LENGTHS if span * factor > least), "m")
 
 
 def force_unit(force: float, way: float, tip: Indenter | None = None) -> tuple[str, float]:
-    """The likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean.
+    """Return the likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean.
 
     F = 2 E A/(1 - nu^2) with the area A of the tip's profile at that depth, and nu = 0.5.
     """
@@ -141,7 +142,7 @@ def force_unit(force: float, way: float, tip: Indenter | None = None) -> tuple[s
 
 
 def _radius(tip: Indenter | None) -> float:
-    """The size of a tip [m]: its radius, 5 mm where it has none."""
+    """Return the size of a tip [m]: its radius, 5 mm where it has none."""
     found = getattr(tip, "radius", None) if tip is not None else _RADIUS
     return float(found if isinstance(found, float) else _RADIUS)
 
@@ -154,7 +155,7 @@ def assemble_suggestion(
     extra: Mapping[str, Sequence[str]],
     seconds: float = 1.0,
 ) -> Suggestion:
-    """The tables and the words.
+    """Return the tables and the words.
 
     `factors` are SI per recorded unit, `extra` more reasons, doubts and blanks, `seconds` how long the unit of time is.
     """
@@ -186,14 +187,15 @@ def assemble_suggestion(
 
 
 def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
-    """The pause [s] between readings that is a gap, where that of a robot's logs is not; else None."""
+    """Return the pause [s] between readings that is a gap, where that of a robot's logs is not; else None."""
     steps = [float(np.median(np.diff(time))) for time, _ in series if len(time) > 1]
     longest = _STEPS * max(steps, default=0.0)
     return longest if longest > AlignmentSettings.model_fields["gap"].default else None
 
 
 def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
-    """The delay between force and motion, where something swings in free air; in contact it cannot be determined."""
+    """Return the delay between force and motion, where something swings in free air; in contact it cannot be
+    determined."""
     found = air_delay(*series["force"], *series["position"])
     if found is None:
         return [

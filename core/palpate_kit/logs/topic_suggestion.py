@@ -88,7 +88,7 @@ def _is_of_frames(container: Container, topic: str) -> bool:
 
 
 def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
-    """The height of every child frame of a topic of transforms."""
+    """Yield the height of every child frame of a topic of transforms."""
     decoder, origin = decoder_of(container.topics[topic]), container.span[0] if container.span else 0
     heights: dict[str, list[tuple[Floats, Floats]]] = {}
     count = 0
@@ -177,7 +177,7 @@ def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str], tip
 
 
 def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
-    """The number in the messages that is the time, where all roles are in one topic."""
+    """Return the number in the messages that is the time, where all roles are in one topic."""
     topics = {topic for topic, _ in keys.values()}
     if len(topics) > 1:
         return None
@@ -205,7 +205,7 @@ def _field(text: str) -> dict[str, Any]:
 
 
 def _looked(container: Container) -> tuple[Looked, dict[str, _StampSpan]]:
-    """The beginning of every topic that contains numbers, and the stamps of each.
+    """Return the beginning of every topic that contains numbers, and the stamps of each.
 
     What palpate computed or commanded is not a measurement.
     """
@@ -231,7 +231,7 @@ def _span(table: Batch) -> _StampSpan:
 
 
 def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColumn]:
-    """Every number of a topic, with the role that its type or its name states."""
+    """Return every number of a topic, with the role that its type or its name states."""
     known = roles.role_of_type(topic, container.topics[topic].type)
     columns, time, values = looked[topic]
     found = []

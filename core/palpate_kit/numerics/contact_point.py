@@ -40,7 +40,7 @@ class Approach:
 
 
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
-    """The surface by one of CONTACT_METHODS; None where the method finds none."""
+    """Return the surface by one of CONTACT_METHODS; None where the method finds none."""
     noise = approach.noise
     if method == "threshold":
         level = threshold if threshold is not None else _SIGMAS * noise
@@ -56,7 +56,7 @@ def contact_point(method: str, approach: Approach, threshold: float | None) -> C
 
 
 def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> ContactPoint | None:
-    """The last sample on the way down at or below a level, seen from the deepest one back."""
+    """Return the last sample on the way down at or below a level, seen from the deepest one back."""
     below = np.flatnonzero(force <= level)
     if not len(below) or below[-1] >= len(force) - 2:
         return None

@@ -72,7 +72,7 @@ class GroupComparison:
 
     @property
     def singles(self) -> bool:
-        """Whether each value is a unit by itself, and no column says of which it is."""
+        """True if each value is a unit by itself, and no column says of which it is."""
         return self.unit in (CURVE, RUN) and self.units == self.curves
 
     @property
@@ -108,7 +108,7 @@ class GroupComparison:
         return float(whole.statistic), float(whole.pvalue)
 
     def games_howell(self, pair: PairTest) -> float | None:
-        """The p-value of a pair by Games and Howell's test; None where the analysis of variance is.
+        """Return the p-value of a pair by Games and Howell's test; None where the analysis of variance is.
 
         Source: Games and Howell 1976.
         """
@@ -120,7 +120,7 @@ class GroupComparison:
 
     @property
     def liberal(self) -> bool:
-        """Whether Games and Howell's test finds too many differences, since a group has fewer than ten units."""
+        """True if Games and Howell's test finds too many differences, since a group has fewer than ten units."""
         return any(group.units < _LIBERAL for group in self.groups)
 
     @property

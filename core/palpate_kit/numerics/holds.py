@@ -73,7 +73,7 @@ def hold_rows(samples: Samples) -> NDArray[np.bool_]:
 
 
 def _still(values: Floats, within: float, first: int, least: int) -> Iterator[tuple[int, int]]:
-    """The longest stretch in which values stay within a range, and those before and after it."""
+    """Yield the longest stretch in which values stay within a range, and those before and after it."""
     begin, end = _longest(values, within)
     if end - begin < least:
         return

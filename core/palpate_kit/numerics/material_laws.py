@@ -204,5 +204,5 @@ LAWS = (
 
 
 def law_of(name: str) -> LinearLaw | None:
-    """The law of a name, if there is one."""
+    """Return the law of a name, if there is one."""
     return next((law for law in LAWS if law.name == name), None)

@@ -56,7 +56,7 @@ def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:
 
 
 def _single_values(levels: Sequence[Sequence[Floats]]) -> Precision | None:
-    """The scatter between groups of one value each."""
+    """Return the scatter between groups of one value each."""
     rows = [np.concatenate(groups) for groups in levels]
     freedom = sum(len(row) - 1 for row in rows)
     if not freedom:

@@ -60,7 +60,7 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
 def _least_blurred_motion(
     samples: Samples, interval: float, width: int, noise: tuple[float, float], speed: float
 ) -> TipTravel:
-    """The motion over at most `width` samples; over fewer where blurring costs a viscosity more than noise does.
+    """Return the motion over at most `width` samples; over fewer where blurring costs a viscosity more than noise does.
 
     Third differences take a sine of few samples a period for noise, and a window made for that noise flattens it; so
     does a velocity by central differences, which is left out last of all.
@@ -78,7 +78,8 @@ def _least_blurred_motion(
 
 
 def _sharp_rate(samples: Samples, interval: float) -> Floats:
-    """The rate (n,) [m/s] by the shortest local cubics through the positions alone; 0 in stretches that are shorter."""
+    """Return the rate (n,) [m/s] by the shortest local cubics through the positions alone; 0 in stretches that are
+    shorter."""
     rate = np.zeros(len(samples))
     for rows in _stretches(samples.interval, interval):
         if rows.stop - rows.start >= _SHORTEST:
@@ -171,7 +172,7 @@ def cubic_window(samples: Samples) -> float:
 
 @cache
 def _fourth_degree(width: int) -> Floats:
-    """The polynomial of degree 4 (width,) that is orthogonal to those below it, of length 1."""
+    """Return the polynomial of degree 4 (width,) that is orthogonal to those below it, of length 1."""
     powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(5)
     return np.asarray(np.linalg.qr(powers)[0][:, 4])
 

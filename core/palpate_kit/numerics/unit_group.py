@@ -15,7 +15,7 @@ from palpate_kit.numerics.precision import Precision, precision
 
 
 def scatters(values: Floats) -> bool:
-    """Whether values (n,) differ by more than rounding."""
+    """Return True if values (n,) differ by more than rounding."""
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 

@@ -25,7 +25,7 @@ class LinearPart:
 
 
 def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high: Floats | None = None) -> LinearPart:
-    """The least squares of target (n,) less columns (n, k), which may differ by many powers of ten in size.
+    """Return the least squares of target (n,) less columns (n, k), which may differ by many powers of ten in size.
 
     Within bounds (k,), where they are given: by those of the unknowns that are free of them where that is the least.
     """
@@ -49,7 +49,7 @@ def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high:
 def best_place(
     squares: Callable[[float, float, int], float], ratios: Floats, heights: Floats, *, held: bool = False
 ) -> tuple[float, float]:
-    """The ratio and the height of the least squares: on a grid, then on finer ones about the best place of each.
+    """Return the ratio and the height of the least squares: on a grid, then on finer ones about the best place of each.
 
     `ratios` are a geometric series; `squares` are asked with how many grids are left; heights that are `held` stay.
     """

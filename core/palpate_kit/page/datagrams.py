@@ -25,19 +25,19 @@ Rows = tuple[Floats, NDArray[np.float32]]  # times (n,), columns (columns, n)
 
 
 def pack(header: Mapping[str, Any]) -> bytes:
-    """A message without numbers."""
+    """Return a message without numbers."""
     return json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
 
 
 def pack_rows(header: Mapping[str, Any], time: Floats, columns: NDArray[np.float32]) -> bytes:
-    """A message with rows: times (n,) [s] and columns (columns, n)."""
+    """Return a message with rows: times (n,) [s] and columns (columns, n)."""
     text = pack({**header, "rows": len(time)})
     text += b" " * (-(len(text) + _LENGTH.size) % 8)
     return _LENGTH.pack(len(text)) + text + time.astype("<f8").tobytes() + columns.astype("<f4").tobytes()
 
 
 def unpack(message: bytes) -> tuple[Header, Rows | None]:
-    """A message's header, and its rows where it has some."""
+    """Return a message's header, and its rows where it has some."""
     if message[:1] == _TEXT:
         return json.loads(message), None
     (length,) = _LENGTH.unpack_from(message)
@@ -50,7 +50,7 @@ def unpack(message: bytes) -> tuple[Header, Rows | None]:
 
 
 def is_text(message: bytes) -> bool:
-    """Whether a message is only a header."""
+    """Return True if a message is only a header."""
     return message[:1] == _TEXT
 
 

@@ -41,20 +41,21 @@ class GuardedConnection(ServerConnection):
 
 
 def page_files(package: str, names: Iterable[str]) -> Files:
-    """The files of a page: its own, in the folder `static` of a package, and those that all pages share."""
+    """Return the files of a page: its own, in the folder `static` of a package, and those that all pages share."""
     own, shared = files(package) / "static", files("palpate_kit.page") / "static"
     found = {name: own / name for name in names} | {name: shared / name for name in _SHARED}
     return {"": found.pop("index.html"), **found}
 
 
 def host_of(request: Request) -> str | None:
-    """The host that a request is for, where it is this machine; a name that only leads here (DNS rebinding) is not."""
+    """Return the host that a request is for, where it is this machine; a name that only leads here (DNS rebinding)
+    is not."""
     hosts = request.headers.get_all("Host")
     return hosts[0] if len(hosts) == 1 and _HERE.fullmatch(hosts[0]) else None
 
 
 def _stranger(request: Request, token: str) -> str | None:
-    """Why the address is not the one that the run has printed; None where it is."""
+    """Return why the address is not the one that the run has printed; None where it is."""
     given = request.path.removeprefix("/").partition("/")[0]
     if hmac.compare_digest(given.encode(errors="replace"), token.encode()):
         return None
@@ -62,7 +63,8 @@ def _stranger(request: Request, token: str) -> str | None:
 
 
 def admit_viewer(request: Request, token: str) -> Response | None:
-    """A refusal of who may not look on from a program of their own, at whatever origin; None lets a WebSocket in."""
+    """Return a refusal of who may not look on from a program of their own, at whatever origin; None lets a WebSocket
+    in."""
     why = _stranger(request, token)
     if host_of(request) is None:
         why = "the data are served to localhost and 127.0.0.1 only"
@@ -70,7 +72,7 @@ def admit_viewer(request: Request, token: str) -> Response | None:
 
 
 def refusal(request: Request, token: str) -> str | None:
-    """Why a request gets nothing; None where it may pass."""
+    """Return why a request gets nothing; None where it may pass."""
     host = host_of(request)
     if host is None:
         return "this page is served to localhost and 127.0.0.1 only"
@@ -100,7 +102,7 @@ def answer_request(request: Request, token: str, known: Files) -> Response | Non
 
 
 def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
-    """A response that makes the browser trust nothing but this page."""
+    """Return a response that makes the browser trust nothing but this page."""
     policy = (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
         f"connect-src 'self'{f' ws://{host}' if host else ''}; "

@@ -6,7 +6,7 @@ import socket
 
 
 def listening_socket(port: int) -> socket.socket:
-    """A socket that listens on a port of this machine alone, any free one for 0; raises OSError."""
+    """Return a socket that listens on a port of this machine alone, any free one for 0; raises OSError."""
     found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

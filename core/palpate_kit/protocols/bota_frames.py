@@ -32,7 +32,7 @@ def crc_x25(data: bytes) -> int:
 
 
 def pack_frame(status: int, wrench: tuple[float, ...], stamp: int, temperature: float) -> bytes:
-    """A frame with its CRC."""
+    """Return a frame with its CRC."""
     body = FRAME.pack(HEADER, status, *wrench, stamp % _WRAP, temperature, 0)[:-2]
     return body + crc_x25(body[1:]).to_bytes(2, "little")
 
@@ -62,7 +62,7 @@ class FrameDecoder:
         self.skipped = 0  # bytes that belonged to no frame
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that have become whole."""
+        """Return the frames that have become whole."""
         buffer = self._bytes
         buffer += data
         frames: list[Frame] = []
@@ -124,5 +124,5 @@ class TimestampUnwrapper:
         return self._total
 
     def backwards(self, stamp: int) -> float:
-        """How far [s] a stamp is before the last one."""
+        """Return how far [s] a stamp is before the last one."""
         return 0.0 if self.last is None else ((self.last - stamp) % _WRAP) / 1e6

@@ -12,7 +12,7 @@ _WRAP = 1 << 32
 
 
 def request(command: int, count: int = 0) -> bytes:
-    """A request for so many readings, 0 being all that come.
+    """Return a request for so many readings, 0 being all that come.
 
     >>> request(STREAM).hex()
     '1234000200000000'
@@ -29,7 +29,7 @@ def parse_request(data: bytes) -> tuple[int, int] | None:
 
 
 def missing_readings(before: int | None, sequence: int) -> int:
-    """How many readings lie between two numbers of a 32-bit counter; negative for one that comes late or again.
+    """Return how many readings lie between two numbers of a 32-bit counter; negative for one that comes late or again.
 
     >>> missing_readings(2**32 - 1, 2)
     2

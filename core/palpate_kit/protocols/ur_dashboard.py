@@ -14,18 +14,18 @@ _VERSION_2 = b"\x00\x05\x56\x00\x02"
 
 
 def reports_payload(facts: Mapping[str, str]) -> bool:
-    """Whether the controller's software can report the payload: from 5.6 on."""
+    """Return True if the controller's software can report the payload: from 5.6 on."""
     match = re.search(r"(\d+)\.(\d+)", facts.get("software", ""))
     return match is not None and (int(match[1]), int(match[2])) >= (5, 6)
 
 
 def reported_model(facts: Mapping[str, str]) -> str:
-    """The name of the arm that the dashboard gives: "UR3" is a UR3e, where the software is of an e-Series."""
+    """Return the name of the arm that the dashboard gives: "UR3" is a UR3e, where the software is of an e-Series."""
     return facts.get("robot", "").lower().rstrip("e") + "e"
 
 
 def probe(host: str) -> dict[str, str]:
-    """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
+    """Return the controller's facts; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
     facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
     _asked(host, SCRIPT, "script", lambda link: {})
@@ -65,7 +65,7 @@ def _dashboard(link: socket.socket) -> dict[str, str]:
 
 
 def dashboard_facts(answer: Callable[[str], str]) -> dict[str, str]:
-    """The facts of a controller whose dashboard answers questions."""
+    """Return the facts of a controller whose dashboard answers questions."""
     questions = {
         "software": "PolyscopeVersion",
         "robot": "get robot model",

@@ -56,12 +56,12 @@ class Calibration(Settings):
     command: str = Field(default="", description="that made it")
 
     def tables(self) -> dict[str, Any]:
-        """The tables of a file of facts: what was measured, and how."""
+        """Return the tables of a file of facts: what was measured, and how."""
         plain = _plain(self.model_dump(mode="python", exclude_none=True))
         return {MEASURED: plain.pop("values"), MEASUREMENT: plain}
 
     def text(self) -> str:
-        """The file's text."""
+        """Return the file's text."""
         import tomli_w
 
         return tomli_w.dumps(_plain(self.model_dump(mode="python", exclude_none=True)))
@@ -76,7 +76,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """The calibration in a file of facts, or in one of its own; raises ConfigurationError if it has none."""
+    """Return the calibration in a file of facts, or in one of its own; raises ConfigurationError if it has none."""
     tables = read_tables(path, "calibration file")
     if MEASURED in tables:
         tables = {"values": tables[MEASURED], **tables.get(MEASUREMENT, {})}

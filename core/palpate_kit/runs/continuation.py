@@ -25,7 +25,7 @@ def recorded_pipeline(folder: Path, overrides: Iterable[str] = ()) -> Pipeline:
 
 
 def continue_pipeline(pipeline: Pipeline, trajectory: Trajectory, number: int) -> Pipeline:
-    """A pipeline with another motion and another seed, so that its noise differs from that of the first run."""
+    """Return a pipeline with another motion and another seed, so that its noise differs from that of the first run."""
     run = pipeline.run.model_copy(update={"seed": pipeline.run.seed + number})
     (name,) = pipeline.trajectories
     return replace(pipeline, run=run, trajectories={name: trajectory})

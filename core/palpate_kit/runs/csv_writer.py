@@ -41,7 +41,8 @@ def _some_rows(table: Floats) -> str:
 
 
 def _written(numbers: Floats) -> tuple[Words, Words, Words]:
-    """Each number in three words: what stands before its digits after one free character, its digits, and the rest."""
+    """Return each number in three words: what stands before its digits after one free character, its digits, and the
+    rest."""
     known, size = _known(), np.abs(numbers)
     beyond = (size > 10.0**_MOST) | ((size < 10.0**-_MOST) & (size > 0))
     size[beyond] = 1.0

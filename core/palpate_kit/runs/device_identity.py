@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 
 def is_identity(key: str) -> bool:
-    """Whether a fact of this name distinguishes one device from another of its kind."""
+    """Return True if a fact of this name distinguishes one device from another of its kind."""
     return "serial" in key or key == "identity"
 
 
 def other_identity(before: Mapping[str, str], present: Mapping[str, str]) -> str | None:
-    """The first identifying fact in which two devices differ; None where none that both state does."""
+    """Return the first identifying fact in which two devices differ; None where none that both state does."""
     return next(
         (key for key in sorted(before.keys() & present.keys()) if is_identity(key) and before[key] != present[key]),
         None,

@@ -33,7 +33,7 @@ def missing_columns(names: Sequence[str], tracks: Sequence[str]) -> list[str]:
 
 
 def numbers_of(samples: Samples, estimates: Mapping[str, Estimates], rows: NDArray[np.int64]) -> Floats:
-    """The numbers (n, columns) of some rows of a block."""
+    """Return the numbers (n, columns) of some rows of a block."""
     columns: list[NDArray[Any]] = [samples.time, *samples.lateral.T, samples.force, samples.position, samples.velocity]
     for block in estimates.values():
         columns += [column for pair in zip(block.values.T, block.std.T, strict=True) for column in pair]
@@ -52,7 +52,7 @@ class DueRows:
         self._slot = -np.inf  # of time, in which the latest row lies
 
     def of(self, time: Floats) -> NDArray[np.int64]:
-        """The rows of a block at times (n,) [s]."""
+        """Return the rows of a block at times (n,) [s]."""
         if self._interval <= 0 or not len(time):
             return np.arange(len(time))
         slots = np.floor(time / self._interval + 1e-6)

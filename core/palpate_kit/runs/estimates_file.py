@@ -27,7 +27,7 @@ _WAITING = 4  # blocks of rows that wait to be written
 def estimates_file(
     folder: Path, tracks: Mapping[str, Sequence[Parameter]], pipeline: Pipeline, offline: bool
 ) -> AbstractContextManager[EstimatesWriter]:
-    """A new table in the run folder, of tracks by their names; raises OutputError where it cannot be made."""
+    """Return a new table in the run folder, of tracks by their names; raises OutputError where it cannot be made."""
     from palpate_kit.runs.estimates_settings import EstimatesSettings
 
     settings = pipeline.tables.get("estimates")
@@ -81,7 +81,7 @@ class EstimatesFile:
             self.append(numbers)
 
     def due(self, samples: Samples, estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
-        """The rows (n, columns) of a block that are due, some thousand at a time; once none, where none is."""
+        """Yield the rows (n, columns) of a block that are due, some thousand at a time; once none, where none is."""
         rows = self._due.of(samples.time)
         for begin in range(0, max(len(rows), 1), _TOGETHER):
             yield numbers_of(samples, estimates, rows[begin : begin + _TOGETHER])

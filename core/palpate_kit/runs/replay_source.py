@@ -42,7 +42,7 @@ def read_run_log(path: Path) -> RunLog | None:
 
 
 def log_in(path: Path) -> Path:
-    """The log itself, or the one log in a run folder; raises LogError if it has none or several."""
+    """Return the log itself, or the one log in a run folder; raises LogError if it has none or several."""
     if not path.is_dir() or not RunFolder(path).began:
         return path
     known = registries.load()
@@ -57,7 +57,7 @@ def log_in(path: Path) -> Path:
 def replay_source(
     carried: RunLog, tracks: Sequence[str] = (), estimators: Iterable[str] = (), models: Iterable[str] = ()
 ) -> Source:
-    """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
+    """Return the pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
 
     Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
     recording, and, when the source is built, only with consent. Relative paths are those next to the log. Raises
@@ -90,7 +90,7 @@ def replay_source(
 
 
 def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterable[str]) -> Source:
-    """The pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
+    """Return the pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
 
     What their channels of the run were late by says nothing of these; such delays are noted in ``[run] assumed``.
     """
@@ -110,7 +110,7 @@ def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterab
 
 
 def run_log_text(source: Source, log: Path) -> str:
-    """The pipeline of a log that begins from what the log carries, as TOML."""
+    """Return the pipeline of a log that begins from what the log carries, as TOML."""
     head = f"# A pipeline for {printable(log.name)}: that of its run, as the log carries it.\n"
     return head + tomli_w.dumps(source.tables)
 
@@ -137,7 +137,7 @@ def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
 
 
 def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
-    """The table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
+    """Return the table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
 
     Other numbers are defaults; they are noted in ``[run] assumed``.
     """

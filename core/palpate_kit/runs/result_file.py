@@ -29,12 +29,13 @@ class Results:
 
 
 def read_result(path: Path) -> dict[str, Any]:
-    """The contents of ``result.json`` as this version writes them; raises LogError with the key that is damaged."""
+    """Return the contents of ``result.json`` as this version writes them; raises LogError with the key that is
+    damaged."""
     return _result(_document(path), path)
 
 
 def read_results(path: Path) -> Results:
-    """The results in a ``result.json`` or ``fit.json``; raises LogError with the key that is damaged."""
+    """Return the results in a ``result.json`` or ``fit.json``; raises LogError with the key that is damaged."""
     document = _document(path)
     if "logs" not in document:
         return Results({"": _result(document, path)}, ())
@@ -48,7 +49,8 @@ def read_results(path: Path) -> Results:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a result can be read as a document at all; half a file, or none, means that the run is not done."""
+    """Return True if a result can be read as a document at all; half a file, or none, means that the run is not
+    done."""
     try:
         return isinstance(json_document(bounded_text(path)), dict)
     except (OSError, ValueError, RecursionError):
@@ -66,29 +68,31 @@ def open_table(path: Path, place: str) -> Iterator[None]:
 
 
 def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
-    """The flags of a result that was read."""
+    """Return the flags of a result that was read."""
     return tuple(map(Flag.of_table, tables))
 
 
 def _is_number(found: Mapping[str, Any]) -> bool:
-    """Whether the verdict of a value leaves a number to calculate with; results before schema 5 have none."""
+    """Return True if the verdict of a value leaves a number to calculate with; results before schema 5 have none."""
     verdict = found.get("verdict") or ""
     return verdict != "invalid" and not needs_fact(verdict)
 
 
 def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
-    """The verdict of a value of a track: its own where it gives no number to calculate with, else that of the track."""
+    """Return the verdict of a value of a track: its own where it gives no number to calculate with, else that of the
+    track."""
     return str(track["verdict"] if _is_number(found) else found["verdict"])
 
 
 def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The parameters of a track and what follows from them, by name; none that gives no number to calculate with."""
+    """Return the parameters of a track and what follows from them, by name; none that gives no number to calculate
+    with."""
     every = {**track.get("derived", {}), **track["parameters"]}
     return {name: found for name, found in every.items() if found["value"] is not None and _is_number(found)}
 
 
 def estimate_of(found: Mapping[str, Any]) -> float | None:
-    """The number that was estimated, also of what has no value to calculate with; None if it has none."""
+    """Return the number that was estimated, also of what has no value to calculate with; None if it has none."""
     number: float | None = found["value"] if found["value"] is not None else found.get("estimate")
     return number
 
@@ -111,7 +115,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 
 def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
-    """A result's document as this version writes it."""
+    """Return a result's document as this version writes it."""
     if isinstance(document, dict):
         schema = document.get("schema", 1)
         if schema not in range(1, SCHEMA + 1):

@@ -85,7 +85,7 @@ def result_schema() -> dict[str, Any]:
 
 
 def _without_defaults(schema: Any) -> Any:
-    """A schema without the titles and defaults that pydantic derives from names and fields."""
+    """Return a schema without the titles and defaults that pydantic derives from names and fields."""
     if isinstance(schema, list):
         return [_without_defaults(item) for item in schema]
     if not isinstance(schema, dict):

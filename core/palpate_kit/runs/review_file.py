@@ -23,7 +23,7 @@ class Marks:
 
 
 def read_marks(folder: Path) -> Marks:
-    """The marks of a folder; raises LogError for a file that is not a review."""
+    """Return the marks of a folder; raises LogError for a file that is not a review."""
     path = folder / REVIEW
     if not path.is_file():
         return Marks()

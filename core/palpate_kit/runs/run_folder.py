@@ -70,7 +70,7 @@ class EstimatesTable:
         return {key: self._column(name) if name in self.names else unknown for key, name in names.items()}
 
     def track(self, name: str) -> TrackTable:
-        """The columns of one track; raises LogError where the table has none of that name."""
+        """Return the columns of one track; raises LogError where the table has none of that name."""
         head = f"{name}:"
         own = {column[len(head) :]: self._column(column) for column in self.names if column.startswith(head)}
         if "status" not in own:
@@ -104,7 +104,7 @@ class RunFolder:
 
     @property
     def finished(self) -> bool:
-        """Whether there is a result; half of one does not count."""
+        """True if there is a result; half of one does not count."""
         return is_whole(self.path / RESULT)
 
     @cached_property
@@ -114,7 +114,7 @@ class RunFolder:
 
     @property
     def began(self) -> bool:
-        """Whether there is a pipeline that was run."""
+        """True if there is a pipeline that was run."""
         return self._pipeline_name is not None
 
     @property
@@ -203,7 +203,7 @@ class RunFolder:
         return self._table(ONLINE)
 
     def _table(self, name: str) -> EstimatesTable | None:
-        """The table of a name in the form that it has; a stream of Arrow next to Parquet was to be deleted."""
+        """Return the table of a name in the form that it has; a stream of Arrow next to Parquet was to be deleted."""
         paths = (self.path / f"{name}{suffix}" for suffix in (TEXT, WHOLE, STREAM))
         path = next((path for path in paths if path.is_file()), None)
         if path is None:

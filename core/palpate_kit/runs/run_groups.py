@@ -10,7 +10,7 @@ from palpate import ConfigurationError
 
 
 def natural(name: Path | str) -> list[tuple[int, str]]:
-    """A key that sorts run_2 before run_10."""
+    """Return a key that sorts run_2 before run_10."""
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(name)) if part]
 
 

@@ -17,7 +17,7 @@ _MARGIN = 3e-3  # [m] of skin about the planned motion
 
 
 def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
-    """A surface below the box [m] of a motion, lowest and highest x, y, z.
+    """Return a surface below the box [m] of a motion, lowest and highest x, y, z.
 
     As axes [from, to, count] and heights in mm, None where the surface is unknown.
     """
@@ -30,7 +30,7 @@ def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
 
 
 def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[str, Any]:
-    """A map on a surface with its values, their scale and its lumps, in the units that are shown."""
+    """Return a map on a surface with its values, their scale and its lumps, in the units that are shown."""
     name, factor = display_unit(surface_map.unit)
     (x, columns), (y, lines) = (_axis(along, surface_map.faces) for along in surface_map.vertices.T[:2])
     rows = lines, columns
@@ -70,7 +70,7 @@ def _short(value: float) -> float:
 
 
 def read_lumps(maps: Path) -> list[dict[str, Any]]:
-    """The lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
+    """Return the lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
     try:
         return list(json_document(bounded_text(maps / "lumps.json"))["lumps"])
     except (OSError, ValueError, KeyError, TypeError):

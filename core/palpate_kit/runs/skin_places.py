@@ -33,7 +33,7 @@ def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
 
 
 def skin_of(run: RunFolder) -> Surface | None:
-    """The surface along whose normals force and height of a run are; None where they are along an axis."""
+    """Return the surface along whose normals force and height of a run are; None where they are along an axis."""
     name = run.settings.get("alignment", {}).get("surface") if run.began else None
     return None if name is None else surface_of_run(run.path, name)
 

@@ -46,7 +46,7 @@ def surface_map_figure(
 def _draw(
     axis: Any, surface_map: SurfaceMap, values: Floats, colours: str, limits: tuple[float, float], view: Any
 ) -> Any:
-    """The triangles that look at the viewer, the nearest last."""
+    """Return the triangles that look at the viewer, the nearest last."""
     from matplotlib.collections import PolyCollection
 
     title, (across, up), along, sign = view

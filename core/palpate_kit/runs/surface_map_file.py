@@ -37,7 +37,7 @@ class SurfaceMap:
 
 
 def write_surface_map(surface_map: SurfaceMap) -> bytes:
-    """The PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis)."""
+    """Return the PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis)."""
     import matplotlib
 
     shown, name = surface_map, surface_map.parameter
@@ -64,7 +64,7 @@ def write_surface_map(surface_map: SurfaceMap) -> bytes:
 
 
 def read_surface_map(path: Path) -> SurfaceMap:
-    """The map in a file that `write_surface_map` made; raises LogError for any other."""
+    """Return the map in a file that `write_surface_map` made; raises LogError for any other."""
     try:
         content = path.read_bytes()
     except OSError as error:

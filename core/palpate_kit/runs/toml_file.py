@@ -14,7 +14,7 @@ File = TypeVar("File", bound=Settings)
 
 
 def read_tables(path: Path, noun: str) -> dict[str, Any]:
-    """The tables of a file; raises ConfigurationError where it cannot be read or is not TOML."""
+    """Return the tables of a file; raises ConfigurationError where it cannot be read or is not TOML."""
     try:
         tables: dict[str, Any] = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -40,6 +40,6 @@ def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str)
 
 
 def _place(steps: tuple[int | str, ...]) -> str:
-    """A place in the file as people count: ``check 3, value``."""
+    """Return a place in the file as people count: ``check 3, value``."""
     words = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
     return "".join(words).removeprefix(", ")

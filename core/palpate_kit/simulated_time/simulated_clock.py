@@ -19,7 +19,7 @@ _EPOCH = 946_684_800_000_000_000  # [ns]; 2000-01-01, which nobody takes for the
 
 
 def _nanoseconds(duration: float) -> int:
-    """A duration [s] in [ns], rounded up: a loop that waits for what is left must get there."""
+    """Return a duration [s] in [ns], rounded up: a loop that waits for what is left must get there."""
     return max(math.ceil(duration * 1e9), 0)
 
 
@@ -60,7 +60,7 @@ class SimulatedClock(Clock):
         return f"it kept waiting: {names}" if names else None
 
     def is_held_up(self, process: str) -> bool:
-        """Whether the computer keeps a process waiting now."""
+        """Return True if the computer keeps a process waiting now."""
         return self._turns.is_held_up(process)
 
     def sleep(self, duration: float) -> None:
@@ -79,15 +79,15 @@ class SimulatedClock(Clock):
         return [by_number[number] for number, _ in ready]
 
     def event(self) -> _SimulatedEvent:
-        """A new flag."""
+        """Return a new flag."""
         return _SimulatedEvent(self._turns)
 
     def queue(self, most: int = 0) -> _SimulatedQueue:
-        """A new queue, of any length: what is put is taken at the same instant."""
+        """Return a new queue, of any length: what is put is taken at the same instant."""
         return _SimulatedQueue(self._turns)
 
     def thread(self, target: Callable[[], Any], name: str, urgent: bool = False) -> _SimulatedThread:
-        """A new thread of the process of the thread that asks."""
+        """Return a new thread of the process of the thread that asks."""
         return self.process_thread(target, name, self._turns.me().process)
 
     # What a simulation asks for.
@@ -103,7 +103,7 @@ class SimulatedClock(Clock):
             self._turns.end()
 
     def process_thread(self, target: Callable[[], Any], name: str, process: str) -> _SimulatedThread:
-        """A new thread of a simulated process."""
+        """Return a new thread of a simulated process."""
         return _SimulatedThread(self._turns, target, Actor(name, process))
 
     def kill(self, process: str) -> None:
@@ -144,7 +144,7 @@ class _SimulatedThread:
             turns.block(me, until)
 
     def is_alive(self) -> bool:
-        """Whether it runs."""
+        """Return True if it runs."""
         return self._thread.ident is not None and not self._actor.ended
 
     def _run(self) -> None:
@@ -177,7 +177,7 @@ class _SimulatedEvent:
         self._raised = False
 
     def is_set(self) -> bool:
-        """Whether it is raised."""
+        """Return True if it is raised."""
         return self._raised
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -220,9 +220,9 @@ class _SimulatedQueue:
         return self.get(block=False)
 
     def qsize(self) -> int:
-        """The number of items."""
+        """Return the number of items."""
         return len(self._items)
 
     def empty(self) -> bool:
-        """Whether it is empty."""
+        """Return True if it is empty."""
         return not self._items

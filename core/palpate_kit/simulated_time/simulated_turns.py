@@ -95,7 +95,7 @@ class Turns:
                 self.wake(actor)
 
     def me(self) -> Actor:
-        """The actor whose thread this is; raises RuntimeError on a thread that takes no turns."""
+        """Return the actor whose thread this is; raises RuntimeError on a thread that takes no turns."""
         actor = self.actors.get(threading.get_ident())
         if actor is None:
             name = threading.current_thread().name
@@ -178,11 +178,11 @@ class Turns:
         return instant
 
     def is_held_up(self, process: str) -> bool:
-        """Whether the computer keeps a process waiting now."""
+        """Return True if the computer keeps a process waiting now."""
         return self._free(process, self.now) > self.now
 
     def held_up_lately(self) -> list[str]:
-        """The processes that the computer has kept waiting since a second before now."""
+        """Return the processes that the computer has kept waiting since a second before now."""
         seen = range(max(self.now - _LATELY, BEGIN), self.now + 1, _LOOK)
         names = dict.fromkeys(hold_up.process for hold_up in self._hold_ups)
         return [name for name in names if any(self._free(name, instant) > instant for instant in seen)]

@@ -101,12 +101,12 @@ def _joined(phrases: Iterable[Phrase]) -> Phrase:
 
 
 def tip_words(tip: Indenter, known: Registry) -> str:
-    """A tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
+    """Return a tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
     return phrase_text([tip_phrase(tip, known)], quantity_text)
 
 
 def tip_phrase(tip: Indenter, known: Registry) -> Phrase:
-    """A tip by its kind and numbers."""
+    """Return a tip by its kind and numbers."""
     phrase: list[str | Quantity] = [known.name_of(type(tip))]
     for path, value, unit in numbers_of(tip):
         phrase += [f", {' '.join(path).replace('_', ' ')} ", Quantity(value, unit)]

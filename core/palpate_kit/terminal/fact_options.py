@@ -16,7 +16,8 @@ _PANEL = "Facts of rig and specimen"
 
 
 def with_facts(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with an option for each fact, which is one more of its `overrides`; and --rig for a file of them."""
+    """Return a command with an option for each fact, which is one more of its `overrides`; and --rig for a file of
+    them."""
     signature = inspect.signature(command, eval_str=True)
     names = [
         name

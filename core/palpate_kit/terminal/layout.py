@@ -25,7 +25,7 @@ _chosen: ContextVar[Layout] = ContextVar("layout", default="table")
 
 
 def layout() -> Layout:
-    """The form that the command line asks for."""
+    """Return the form that the command line asks for."""
     return _chosen.get()
 
 
@@ -42,7 +42,7 @@ def print_line(text: str) -> None:
 
 
 def tables_in(shown: Any) -> Iterator[Any]:
-    """The tables among what is printed, in their order."""
+    """Yield the tables among what is printed, in their order."""
     from rich.console import Group
     from rich.table import Table
 
@@ -54,7 +54,7 @@ def tables_in(shown: Any) -> Iterator[Any]:
 
 
 def text_of(table: Any, form: Layout) -> str:
-    """A table of a terminal as CSV, its first line a comment with the title, or as LaTeX (booktabs)."""
+    """Return a table of a terminal as CSV, its first line a comment with the title, or as LaTeX (booktabs)."""
     headings = [_heading(column.header) for column in table.columns]
     rows = [[_plain(cell) for cell in row] for row in zip(*(list(c.cells) for c in table.columns), strict=True)]
     title = _plain(table.title) if table.title else ""
@@ -64,7 +64,7 @@ def text_of(table: Any, form: Layout) -> str:
 
 
 def _csv(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A value with an uncertainty becomes two columns."""
+    """Return a value with an uncertainty becomes two columns."""
     pairs = [[_pair(cell) for cell in row] for row in rows]
     double = [any(row[i][1] for row in pairs) for i in range(len(headings))]
     text = io.StringIO()
@@ -94,7 +94,7 @@ def _pair(cell: str) -> tuple[str, str]:
 
 
 def _uncertainty(heading: str) -> str:
-    """The heading of a column of uncertainties.
+    """Return the heading of a column of uncertainties.
 
     >>> _uncertainty("elasticity [kPa]"), _uncertainty("mean")
     ('u(elasticity) [kPa]', 'u(mean)')
@@ -116,7 +116,7 @@ def _latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], s
 
 
 def latex_text(text: str) -> str:
-    """A text as LaTeX has it.
+    """Return a text as LaTeX has it.
 
     >>> latex_text("5 ± 1 %")
     '5 $\\\\pm$ 1 \\\\%'
@@ -128,7 +128,7 @@ def latex_text(text: str) -> str:
 
 
 def _heading(header: Any) -> str:
-    """A heading in one line, its unit in brackets.
+    """Return a heading in one line, its unit in brackets.
 
     >>> _heading("viscosity\\nPa s"), _heading("auto-\\ncorrelation")
     ('viscosity [Pa s]', 'auto- correlation')

@@ -60,7 +60,8 @@ def curve_count(count: int) -> str:
 
 
 def quantity_text(quantity: Quantity) -> str:
-    """A length or a speed with mm or um, a mass in g, a time in ms, an angle in degrees, others in their SI unit."""
+    """Return a length or a speed with mm or um, a mass in g, a time in ms, an angle in degrees, others in their SI
+    unit."""
     value, unit = quantity.value, quantity.unit
     if unit in ("m", "m/s"):
         is_small = 0 < abs(value) < (1e-4 if unit == "m" else 1e-5)

@@ -67,12 +67,12 @@ class _Work:
             thread.join(_JOIN)
 
     def line(self) -> str:
-        """All work in progress in one line."""
+        """Return all work in progress in one line."""
         parts = ", ".join(work.words() for work in _shown)
         return f"{parts}, after {time.monotonic() - self._began:.0f} s"
 
     def words(self) -> str:
-        """How far it is."""
+        """Return how far it is."""
         done = f"{self.done:,.0f}".replace(",", " ")
         whole = f" of {self.total:,.0f}".replace(",", " ") if self.total else ""
         unit = f" {self._unit}" if self._unit else ""

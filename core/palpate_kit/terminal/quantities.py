@@ -13,7 +13,7 @@ _ROUNDING = 1e-12  # of a value; less is not an uncertainty
 
 
 def value_with_uncertainty(value: float, std: float) -> str:
-    """A value and its uncertainty, to two digits of the uncertainty; one below rounding is left out.
+    """Return a value and its uncertainty, to two digits of the uncertainty; one below rounding is left out.
 
     >>> value_with_uncertainty(126.5312, 0.2134), value_with_uncertainty(0.3, 1.1e-17)
     ('126.53 ± 0.21', '0.3')
@@ -37,7 +37,7 @@ def value_with_uncertainty(value: float, std: float) -> str:
 
 
 def value_or_fixed(value: float, std: float) -> str:
-    """A value and its uncertainty; one that was fixed without any says so.
+    """Return a value and its uncertainty; one that was fixed without any says so.
 
     >>> value_or_fixed(126.5312, 0.2134), value_or_fixed(0.0, 0.0)
     ('126.53 ± 0.21', '0 (fixed)')
@@ -60,7 +60,7 @@ def _plain(value: float, std: float) -> str:
 
 
 def round_number(value: float) -> str:
-    """A number to five digits; a nought without a sign.
+    """Return a number to five digits; a nought without a sign.
 
     >>> round_number(-0.0), round_number(112503.2)
     ('0', '1.125e+05')
@@ -69,7 +69,7 @@ def round_number(value: float) -> str:
 
 
 def value_with_unit(value: float, std: float, unit: str) -> str:
-    """A value and its uncertainty [SI] in the unit in which they are shown.
+    """Return a value and its uncertainty [SI] in the unit in which they are shown.
 
     >>> value_with_unit(112836.1, 1772.7, "Pa")
     '112.8 ± 1.8 kPa'
@@ -79,7 +79,7 @@ def value_with_unit(value: float, std: float, unit: str) -> str:
 
 
 def number_with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A number [SI] in the unit in which it is shown.
+    """Return a number [SI] in the unit in which it is shown.
 
     >>> number_with_unit(1772.66, "Pa"), number_with_unit(280.0, "Pa*s", 2)
     ('1.77 kPa', '2.8e+02 Pa s')
@@ -89,7 +89,7 @@ def number_with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 
 def unsigned(number: str) -> str:
-    """A number's text; a nought without the sign that rounding has left.
+    """Return a number's text; a nought without the sign that rounding has left.
 
     >>> unsigned("-0.00")
     '0.00'

@@ -88,7 +88,7 @@ def _streams(result: Result) -> Cells:
 
 
 def _flags(result: Result) -> Iterator[RenderableType]:
-    """Every open fact and every flag with its remedy."""
+    """Yield every open fact and every flag with its remedy."""
     from rich.text import Text
 
     facts = [f"{text}\n    -> {words}" for text, words in open_facts(result.tracks.values()).items()]
@@ -98,7 +98,8 @@ def _flags(result: Result) -> Iterator[RenderableType]:
 
 
 def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
-    """The words that state each open fact, by what is assumed and the effect of its alternative; each fact once."""
+    """Return the words that state each open fact, by what is assumed and the effect of its alternative; each fact
+    once."""
     said: dict[str, tuple[str, str]] = {}
     for track in tracks:
         values = {**track.parameters, **{value.name: value.found for value in track.derived}}
@@ -108,7 +109,7 @@ def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
 
 
 def _every_number(result: Result) -> RenderableType:
-    """Every track with its parameters, surface, residual and NIS."""
+    """Return every track with its parameters, surface, residual and NIS."""
     from rich.table import Table
 
     units = _units(result)
@@ -159,7 +160,7 @@ def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[Ren
 
 
 def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> Iterator[str]:
-    """Every flag of the record and of each track, the worst first; one that several tracks share is said once.
+    """Yield every flag of the record and of each track, the worst first; one that several tracks share is said once.
 
     Each is followed by what to do; notes are not.
     """

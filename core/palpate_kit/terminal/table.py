@@ -39,11 +39,11 @@ class Table:
 
     @classmethod
     def of(cls, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[str] = ()) -> Table:
-        """A table from any sequences."""
+        """Return a table from any sequences."""
         return cls(title, tuple(headings), tuple(tuple(row) for row in rows), tuple(left))
 
     def view(self) -> RenderableType:
-        """The table for a terminal; its texts are never taken as markup."""
+        """Return the table for a terminal; its texts are never taken as markup."""
         from rich.table import Table as View
         from rich.text import Text
 
@@ -60,7 +60,8 @@ class Table:
 
 
 def shortened(table: Table, whole: bool = False) -> RenderableType:
-    """The view of a table whose first rows fill a screen, and how many more there are; all of it as CSV and LaTeX."""
+    """Return the view of a table whose first rows fill a screen, and how many more there are; all of it as CSV and
+    LaTeX."""
     more = len(table.rows) - _SCREEN
     if whole or more <= 0 or layout() != "table":
         return table.view()
@@ -69,7 +70,7 @@ def shortened(table: Table, whole: bool = False) -> RenderableType:
 
 
 def console(width: int = 80) -> Console:
-    """A console on standard output: as wide as the terminal, or otherwise of a given width.
+    """Return a console on standard output: as wide as the terminal, or otherwise of a given width.
 
     Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow
     for is printed row by row, so that nothing of it is cut.
@@ -132,7 +133,8 @@ def _set_widths(table: Any, console: Console) -> bool:
 
 
 def _widths(column: Any) -> tuple[int, int]:
-    """The least width of a column, and the one without a line break: headings and texts are broken between words."""
+    """Return the least width of a column, and the one without a line break: headings and texts are broken between
+    words."""
     from rich.cells import cell_len
 
     heading, cells = _plain(column.header), [_plain(cell) for cell in column.cells]
@@ -147,7 +149,7 @@ def _plain(cell: Any) -> str:
 
 
 def _row_by_row(table: Any) -> RenderableType:
-    """A table as lines "heading: cell", one block for each row; of many rows each is one paragraph."""
+    """Return a table as lines "heading: cell", one block for each row; of many rows each is one paragraph."""
     from rich.text import Text
 
     def plain(cell: Any) -> str:

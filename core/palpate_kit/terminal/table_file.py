@@ -68,7 +68,7 @@ def _workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> Non
     sheet.freeze_panes = "A2"
 
     def text(cell: str) -> Any:
-        """A text, whatever it begins with: never a formula."""
+        """Return a text, whatever it begins with: never a formula."""
         found: Any = WriteOnlyCell(sheet, _ILLEGAL.sub("", cell)[:_LONGEST])
         found.data_type = "s"
         return found

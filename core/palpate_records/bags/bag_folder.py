@@ -40,7 +40,7 @@ class Bag:
 
     @property
     def complete(self) -> bool:
-        """Whether every file has its end."""
+        """True if every file has its end."""
         return all(part.complete for part in self._parts if isinstance(part, McapFile))
 
     @property
@@ -94,7 +94,7 @@ class Bag:
 
 
 def bag_files(path: Path) -> list[Path]:
-    """The files of a bag in their order: as ``metadata.yaml`` lists them, else by name."""
+    """Return the files of a bag in their order: as ``metadata.yaml`` lists them, else by name."""
     if not _is(Path.is_dir, path):
         return [regular(path)]
     listed = _listed(path / "metadata.yaml")
@@ -133,7 +133,7 @@ def is_bag(path: Path) -> bool:
 
 
 def _go_on(files: Sequence[Path]) -> bool:
-    """Whether files with consecutive numbers have the same topics, and go on where the one before ends."""
+    """Return True if files with consecutive numbers have the same topics, and go on where the one before ends."""
     try:
         bags = [Bag(file, accept_cut=True) for file in files]
         topics = [{(topic.name, topic.type) for topic in bag.topics.values()} for bag in bags]
@@ -149,7 +149,7 @@ def _follows(span: tuple[int, int] | None, before: tuple[int, int] | None) -> bo
 
 
 def _lost(files: Sequence[Path]) -> str | None:
-    """The parts that are missing between those of a bag without metadata, in words; None where none is."""
+    """Return the parts that are missing between those of a bag without metadata, in words; None where none is."""
     if len({_number(file)[0] for file in files}) > 1:
         return None
     gaps = (range(_number(one)[1] + 1, _number(other)[1]) for one, other in pairwise(files))
@@ -175,7 +175,7 @@ def _number(file: Path) -> tuple[str, int]:
 
 
 def _lines(metadata: Path) -> list[str]:
-    """A bag's metadata; none where missing, as after a crash: its files suffice."""
+    """Return a bag's metadata; none where missing, as after a crash: its files suffice."""
     try:
         with metadata.open("rb") as file:
             return file.read(_METADATA).decode().splitlines()

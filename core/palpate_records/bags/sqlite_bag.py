@@ -139,7 +139,8 @@ class SqliteBag:
 
 
 def _missing(file: IO[bytes]) -> int:
-    """How many bytes a database is shorter than it states [bytes]: SQLite takes what a cut page lacks for zeros."""
+    """Return how many bytes a database is shorter than it states [bytes]: SQLite takes what a cut page lacks for
+    zeros."""
     file.seek(0)
     head = file.read(100)
     if len(head) < 100 or head[24:28] != head[92:96]:  # the number of pages is out of date
@@ -149,7 +150,8 @@ def _missing(file: IO[bytes]) -> int:
 
 
 def _connected(path: Path, mode: str) -> sqlite3.Connection:
-    """A database that may come from anybody: names of any bytes, no long values, no functions out of its schema."""
+    """Return a database that may come from anybody: names of any bytes, no long values, no functions out of its
+    schema."""
     database = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
     guard(database)
     return database
@@ -184,7 +186,7 @@ def copy_with_journal(path: Path, target: Path) -> None:
 
 
 def _some(rows: sqlite3.Cursor) -> list[tuple[int, int, bytes]]:
-    """The next messages: a few thousand, or fewer large ones."""
+    """Return the next messages: a few thousand, or fewer large ones."""
     block: list[tuple[int, int, bytes]] = []
     size = 0
     while len(block) < _BLOCK and size < _BYTES:

@@ -49,7 +49,7 @@ def _last(pages: BinaryIO, size: int, page: int) -> int | None:
 
 
 def _number(data: bytes) -> int:
-    """A number of 1 to 9 bytes, of which each but the ninth flags whether another follows."""
+    """Return a number of 1 to 9 bytes, of which each but the ninth flags whether another follows."""
     value = 0
     for byte in data[:8]:
         value = value << 7 | byte & 0x7F

@@ -152,7 +152,7 @@ def _salvage(
 
 
 def _sound(row: Row, page: int | None) -> bool:
-    """Whether a message can be what it was: one of several pages whose last is missing ends in zeros."""
+    """Return True if a message can be what it was: one of several pages whose last is missing ends in zeros."""
     _, topic, stamp, data = row
     if not (isinstance(topic, int) and isinstance(stamp, int) and isinstance(data, bytes)):
         return False
@@ -195,7 +195,7 @@ def _scanned(old: sqlite3.Connection, begin: int) -> Generator[list[Row], None, 
 
 
 def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
-    """The smallest or largest number of a message, where it can be determined."""
+    """Return the smallest or largest number of a message, where it can be determined."""
     try:
         found = old.execute(f"SELECT {which}(id) FROM messages").fetchone()[0]
     except sqlite3.Error:
@@ -204,7 +204,7 @@ def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
 
 
 def _end(old: sqlite3.Connection, copy: Path) -> int:
-    """The largest number that a message which can be read may have."""
+    """Return the largest number that a message which can be read may have."""
     end = _bound(old, "MAX", _LAST)
     if end < _LAST:
         return end
@@ -216,7 +216,7 @@ def _end(old: sqlite3.Connection, copy: Path) -> int:
 
 
 def _between(old: sqlite3.Connection, begin: int, end: int, least: int) -> list[Row]:
-    """The messages of [begin, end) that can be read; halves of what cannot be read as a whole are tried."""
+    """Return the messages of [begin, end) that can be read; halves of what cannot be read as a whole are tried."""
     try:
         return old.execute(f"{_MESSAGES} WHERE id >= ? AND id <= ?", (begin, min(end - 1, _LAST))).fetchall()
     except sqlite3.Error:

@@ -179,7 +179,7 @@ class _LogSummary:
 
 
 def _bytes(record: Any) -> bytes:
-    """A record of the `mcap` library."""
+    """Return a record of the `mcap` library."""
     from mcap.data_stream import RecordBuilder
 
     builder = RecordBuilder()
@@ -188,7 +188,7 @@ def _bytes(record: Any) -> bytes:
 
 
 def compress_chunk(data: bytes) -> PackedChunk:
-    """The data of a new chunk."""
+    """Return the data of a new chunk."""
     import zstandard
 
     return PackedChunk("zstd", len(data), zlib.crc32(data), zstandard.compress(data))

@@ -50,7 +50,7 @@ class DamageReport:
         return 0 if loss.before is None or loss.after is None else loss.after - loss.before
 
     def words(self) -> str:
-        """All of it, on one line; empty where nothing is wrong."""
+        """Return all of it, on one line; empty where nothing is wrong."""
         where = [self._where(loss) for loss in self.losses[:_SHOWN]]
         if len(self.losses) > _SHOWN:
             where.append(f"and {len(self.losses) - _SHOWN} more pieces")

@@ -30,7 +30,7 @@ class Definitions:
         return Definitions(dict(self.schemas), dict(self.channels), _refers=dict(self._refers))
 
     def schema_of(self, channel: int) -> int | None:
-        """The number of a channel's schema, 0 where it has none; None where that is not defined any more."""
+        """Return the number of a channel's schema, 0 where it has none; None where that is not defined any more."""
         schema = self._refers.get(channel, 0)
         return schema if not schema or schema in self.schemas else None
 

@@ -27,7 +27,7 @@ class Attachment:
 
 
 def read_attachment(record: bytes) -> Attachment:
-    """An attachment from its record's content; raises Damage where it is not whole, or its checksum is wrong."""
+    """Return an attachment from its record's content; raises Damage where it is not whole, or its checksum is wrong."""
     try:
         logged, created = struct.unpack_from("<QQ", record)
         name, at = records.read_text(record, 16)
@@ -43,7 +43,7 @@ def read_attachment(record: bytes) -> Attachment:
 
 
 def read_metadata(record: bytes) -> tuple[str, dict[str, str]]:
-    """The name and entries of metadata from their record's content; raises Damage where they are not whole."""
+    """Return the name and entries of metadata from their record's content; raises Damage where they are not whole."""
     name, at = records.read_text(record, 0)
     packed, _ = records.read_bytes(record, at)
     entries, at = {}, 0

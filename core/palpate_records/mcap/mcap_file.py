@@ -41,7 +41,7 @@ class McapFile:
         self._compare_data()
 
     def _look(self) -> bool:
-        """Whether the file ends as a finished log does."""
+        """Return True if the file ends as a finished log does."""
         regular(self.path)
         with readable(self.path) as file:
             head = file.read(len(records.MAGIC))
@@ -71,7 +71,7 @@ class McapFile:
 
     @property
     def complete(self) -> bool:
-        """Whether the file has its end, and nothing in it was found to be damaged."""
+        """True if the file has its end, and nothing in it was found to be damaged."""
         return self._complete and not self._notes
 
     @property

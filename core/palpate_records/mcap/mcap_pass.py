@@ -51,7 +51,7 @@ class Pass:
         return None if self._latest is None else int(self._latest.logged.max())
 
     def all(self) -> Iterator[Block]:
-        """Every record of the data section; at the end, what was found is held against the summary."""
+        """Yield every record of the data section; at the end, what was found is held against the summary."""
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
             covered = self._whole and self._check_data(file)
@@ -66,14 +66,14 @@ class Pass:
             raise Damage(f"it contains {found} messages where its statistics state {said}, or not the same ones")
 
     def _check_data(self, file: IO[bytes]) -> bool:
-        """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
+        """Return True if a checksum covers all data, and is right; raises Damage where it is wrong."""
         found = check_data_sum(file, self._summary)
         if found is False:
             raise Damage(DATA_WRONG)
         return found is True
 
     def some(self, offsets: list[int]) -> Iterator[Block]:
-        """The chunks that begin at the offsets."""
+        """Yield the chunks that begin at the offsets."""
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
             for offset in offsets:
@@ -136,7 +136,7 @@ class Pass:
         return opcode, length
 
     def _opened(self, pending: list[_Whole]) -> Iterator[Block]:
-        """The messages of chunks; of small ones together, since a block costs as much as a thousand messages."""
+        """Yield the messages of chunks; of small ones together, since a block costs as much as a thousand messages."""
         if len(pending) > 1 and pending[-1].chunk.checked:
             try:
                 block = self._located(_joined(pending))
@@ -152,7 +152,7 @@ class Pass:
             yield self._given(block, whole.end)
 
     def _given(self, block: Block, end: int) -> Block:
-        """A block whose messages end there."""
+        """Return a block whose messages end there."""
         self.done = end
         self._latest = block if len(block) else self._latest
         return block
@@ -195,7 +195,7 @@ class Pass:
 
 
 def check_data_sum(file: IO[bytes], summary: Definitions) -> bool | None:
-    """Whether the checksum over all data is right; None if it has none."""
+    """Return True if the checksum over all data is right; None if it has none."""
     if summary.data is None:
         return None
     left, expected = summary.data
@@ -208,7 +208,8 @@ def check_data_sum(file: IO[bytes], summary: Definitions) -> bool | None:
 
 
 def _enough(pending: list[_Whole]) -> bool:
-    """Whether chunks are worth a block; one without a checksum ends it, and is kept apart from those with one."""
+    """Return True if chunks are worth a block; one without a checksum ends it, and is kept apart from those with
+    one."""
     size = sum(len(whole.chunk.data) for whole in pending)
     return size >= _BLOCK or not pending[-1].chunk.checked
 

@@ -57,7 +57,7 @@ class Unpacker:
 
 
 def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
-    """A chunk record's content, decompressed and checked; raises Damage."""
+    """Return a chunk record's content, decompressed and checked; raises Damage."""
     try:
         _, _, size, crc, name_length = struct.unpack_from("<QQQII", content)
         name = content[32 : 32 + name_length].decode()
@@ -118,7 +118,7 @@ def remains(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _as_far_as_it_goes(name: bytes, packed: bytes) -> bytes:
-    """The first bytes that can be decompressed, a little at a time."""
+    """Return the first bytes that can be decompressed, a little at a time."""
     import lz4.frame
     import zstandard
 
@@ -159,7 +159,7 @@ def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int]
 
 
 def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
-    """A chunk's messages, and its other records: from the index if it is right, else record by record."""
+    """Return a chunk's messages, and its other records: from the index if it is right, else record by record."""
     if index:
         found = _confirmed(data, np.sort(np.concatenate(index), kind="stable"))
         if found is not None:
@@ -171,7 +171,7 @@ def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
 
 
 def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
-    """The messages at the offsets, if all are messages and what lies between them is whole and no message."""
+    """Return the messages at the offsets, if all are messages and what lies between them is whole and no message."""
     if not len(offsets) or offsets[0] < 0 or offsets[-1] + HEAD > len(data):
         return None
     found = Block.read(np.frombuffer(data, np.uint8), offsets)
@@ -245,7 +245,7 @@ class Block:
         return np.asarray(column(self.heads, 1, "<i8") - (HEAD - 9))
 
     def of(self, channel: int) -> Messages:
-        """The messages of one channel; views of their heads, so that what is not looked at is not copied."""
+        """Return the messages of one channel; views of their heads, so that what is not looked at is not copied."""
         if self.counts[channel] == len(self):
             offsets, heads = self.offsets, self.heads
         else:
@@ -256,7 +256,7 @@ class Block:
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:
-    """A counted text, and where it ends."""
+    """Return a counted text, and where it ends."""
     raw, end = read_bytes(content, at)
     return raw.decode(errors="replace"), end
 

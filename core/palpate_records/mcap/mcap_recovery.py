@@ -54,7 +54,7 @@ def recover_mcap(path: Path, out: Path, beside: Mapping[str, str] = {}, progress
 
 
 def _written(log: McapFile, folder: Path, beside: Mapping[str, str], progress: Progress) -> _RecoveredLog:
-    """The new log, in a folder."""
+    """Return the new log, in a folder."""
     with log.path.open("rb") as old, (folder / _NEW).open("xb") as file, (folder / "index").open("x+b") as index:
         saved = _RecoveredLog(NewLog(file, index), old, beside)
         known = Definitions(extras=[])

@@ -165,7 +165,7 @@ class Salvage:
         return loose or search.data_end_from(file, position + 1, size) or size
 
     def _has_chunks(self, file: IO[bytes], size: int) -> bool:
-        """Whether the head of a chunk is anywhere: then no message outside of a chunk is trusted to be one."""
+        """Return True if the head of a chunk is anywhere: then no message outside of a chunk is trusted to be one."""
         if self._chunked is None:
             self._chunked = next(search.chunks_from(file, 0, size), None) is not None
         return self._chunked
@@ -184,7 +184,7 @@ class Salvage:
         return _WORK * size + (1 << 28)
 
     def _claimed(self, file: IO[bytes], position: int, size: int) -> int | None:
-        """The end that a record claims, where records follow it."""
+        """Return the end that a record claims, where records follow it."""
         file.seek(position)
         head = file.read(9)
         if len(head) < 9:
@@ -193,7 +193,7 @@ class Salvage:
         return claimed if claimed < size and search.follows(file, claimed, size) else None
 
     def _opens(self, file: IO[bytes], position: int) -> bool:
-        """Whether a chunk is whole."""
+        """Return True if a chunk is whole."""
         file.seek(position)
         content = file.read(records.RECORD.unpack(file.read(9))[1])
         try:

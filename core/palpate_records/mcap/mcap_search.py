@@ -63,7 +63,7 @@ def loose_from(file: IO[bytes], begin: int, end: int) -> Iterator[int]:
 
 
 def follows(file: IO[bytes], position: int, size: int) -> bool:
-    """Whether a few records in a row begin there, or all that are left."""
+    """Return True if a few records in a row begin there, or all that are left."""
     for _ in range(_CHAIN):
         file.seek(position)
         head = file.read(9)
@@ -93,7 +93,7 @@ def plausible_record(head: bytes, left: int) -> tuple[int, int]:
 
 
 def likely(opcode: int, length: int) -> bool:
-    """Whether a record's head can be one, all of it there or not."""
+    """Return True if a record's head can be one, all of it there or not."""
     return opcode in _KINDS and length <= records.LIMIT
 
 

@@ -82,7 +82,7 @@ class Excerpt:
 
     @classmethod
     def of(cls, messages: Messages, size: int) -> Excerpt:
-        """The messages, all of a size."""
+        """Return the messages, all of a size."""
         return cls(messages, gather(messages.buffer, messages.starts, size) if size <= _SMALL else None)
 
     def some(self, rows: NDArray[np.bool_]) -> Excerpt:
@@ -127,7 +127,7 @@ def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
 
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
-    """The layout of one message; raises LogError where it is not a message of its type."""
+    """Return the layout of one message; raises LogError where it is not a message of its type."""
     if len(message) < 4 or message[0] != 0:
         raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR")
     if message[1] not in _PLAIN and message[1] not in _LISTS:
@@ -150,7 +150,7 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
 
 
 def walk_ros1(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
-    """The layout of one message of ROS 1; raises LogError where it is not a message of its type."""
+    """Return the layout of one message of ROS 1; raises LogError where it is not a message of its type."""
     return _walked(_Walker(definitions, type_name, message, "<", aligned=False), type_name, message)
 
 

@@ -93,7 +93,7 @@ class CdrDecoder:
 
 
 def _latest(layouts: list[MessageLayout]) -> list[MessageLayout]:
-    """The layouts that are kept: the first, and others as long as all of them are small."""
+    """Return the layouts that are kept: the first, and others as long as all of them are small."""
     kept = layouts[:_LAYOUTS]
     while len(kept) > 1 and sum(layout.cost for layout in kept) > FREE:
         kept.pop()
@@ -126,7 +126,7 @@ def _in_order(tables: list[TopicTable], width: int) -> TopicTable:
 
 
 def names_a_part(path: str) -> bool:
-    """Whether a text only names a frame or a joint."""
+    """Return True if a text only names a frame or a joint."""
     return path.endswith("frame_id") or _NAMES.search(path) is not None
 
 
@@ -149,7 +149,8 @@ def _resolved(layout: MessageLayout, reading: FieldReading) -> FieldReading | No
 
 
 def _stamp_path(layout: MessageLayout, readings: Sequence[FieldReading]) -> str | None:
-    """The header stamp that belongs to the readings: that of the element they are in, else that of the message."""
+    """Return the header stamp that belongs to the readings: that of the element they are in, else that of the
+    message."""
     inner = [reading.path.rpartition("].")[0] + "]." for reading in readings if "]." in reading.path]
     for path in (*(f"{prefix}header.stamp" for prefix in inner), "header.stamp", "stamp"):
         if f"{path}.sec" in layout.places and f"{path}.nanosec" in layout.places:

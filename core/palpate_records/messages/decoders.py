@@ -21,7 +21,7 @@ from palpate_records.messages.topics import Topic
 
 
 def decoder_of(topic: Topic) -> MessageDecoder:
-    """The decoder of a topic's messages; raises LogError if their format is unknown."""
+    """Return the decoder of a topic's messages; raises LogError if their format is unknown."""
     try:
         match topic.encoding, topic.schema_encoding:
             case ("cdr", "ros2msg" | "") | ("ros1", "ros1msg"):
@@ -51,7 +51,7 @@ def _json(message: bytes) -> Any:
 
 
 def _protobuf(topic: Topic) -> Callable[[bytes], Any]:
-    """A parser by the descriptors in the log."""
+    """Return a parser by the descriptors in the log."""
     try:
         from google.protobuf import (  # type: ignore[import-untyped]
             descriptor_pb2,

@@ -44,7 +44,7 @@ _BUILT_IN = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
 
 
 def short_name(name: str) -> str:
-    """A type's name without the ``msg`` that some writers put in.
+    """Return a type's name without the ``msg`` that some writers put in.
 
     >>> short_name("geometry_msgs/msg/Wrench")
     'geometry_msgs/Wrench'
@@ -55,7 +55,7 @@ def short_name(name: str) -> str:
 
 @cache
 def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
-    """Every type that a message type needs, by its short name.
+    """Return every type that a message type needs, by its short name.
 
     Types that the text leaves out are taken from the standard ones of ROS 2. Those of ROS 1 differ: its definitions are
     whole, time and duration are built in, and a byte has a sign. Raises LogError where the text is not a definition,
@@ -109,7 +109,8 @@ def _fields(text: str, owner: str) -> tuple[Field, ...]:
 
 
 def _field(kind: str, array: str | None, name: str, package: str) -> Field:
-    """A field; raises LogError where it is an array of nothing, whose elements would take no bytes of a message."""
+    """Return a field; raises LogError where it is an array of nothing, whose elements would take no bytes of a
+    message."""
     if kind not in PRIMITIVES and kind not in ("string", "wstring"):
         kind = short_name({"Header": "std_msgs/Header"}.get(kind, kind))
         kind = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}.get(kind, kind)
@@ -127,7 +128,7 @@ def _field(kind: str, array: str | None, name: str, package: str) -> Field:
 
 
 def _without_comment(line: str) -> str:
-    """The line up to a ``#`` that is not within a quoted default."""
+    """Return the line up to a ``#`` that is not within a quoted default."""
     quote = ""
     for i, character in enumerate(line):
         if quote:

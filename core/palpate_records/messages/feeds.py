@@ -39,7 +39,7 @@ class TopicFeed:
 
     @property
     def scaled(self) -> bool:
-        """Whether the recorded numbers are in other units than SI."""
+        """True if the recorded numbers are in other units than SI."""
         return bool((self.factors != 1.0).any())
 
     def numbers(self, messages: Messages, log: str) -> tuple[Stamps, Stamps, Floats]:
@@ -99,7 +99,7 @@ class MappedStream:
 
 
 def mapped_streams(signals: Mapping[str, MappedSignal]) -> list[MappedStream]:
-    """A stream for each topic that signals name, with a channel for each signal; no log is needed for that."""
+    """Return a stream for each topic that signals name, with a channel for each signal; no log is needed for that."""
     groups: dict[tuple[str, str | None, Orientation | str | None], dict[str, MappedSignal]] = {}
     for name, signal in signals.items():
         groups.setdefault((signal.topic, signal.select, signal.orientation), {})[name] = signal
@@ -114,7 +114,7 @@ def mapped_streams(signals: Mapping[str, MappedSignal]) -> list[MappedStream]:
 def mapped_feeds(
     container: Container, signals: Mapping[str, MappedSignal], clock: Clock, log: str, turn: TopicFeed | None = None
 ) -> list[TopicFeed]:
-    """A stream for each topic that signals name, with a channel for each signal; raises LogError.
+    """Return a stream for each topic that signals name, with a channel for each signal; raises LogError.
 
     `turn` gives the quaternions of the kinematics, where there are some.
     """
@@ -165,7 +165,7 @@ def _orientation_feed(container: Container, orientation: Orientation, clock: Clo
 
 
 def stream_names(topics: Sequence[str]) -> list[str]:
-    """The last word of each topic, or all of them where two end alike."""
+    """Return the last word of each topic, or all of them where two end alike."""
     short = [topic.strip("/").rsplit("/", 1)[-1] or "topic" for topic in topics]
     counts = Counter(short)
     names = [
@@ -235,7 +235,7 @@ def _some(names: Mapping[str, object]) -> str:
 
 
 def untimed_note(feeds: Sequence[TopicFeed], name: str) -> tuple[str, ...]:
-    """How many messages were left out since the time in them is not finite, in words."""
+    """Return how many messages were left out since the time in them is not finite, in words."""
     counts = {feed.topic: feed.left_out["no time"] for feed in feeds if feed.left_out["no time"]}
     return tuple(
         f"{name}: {n} messages of {topic} have no finite time, and were left out" for topic, n in counts.items()
@@ -243,6 +243,6 @@ def untimed_note(feeds: Sequence[TopicFeed], name: str) -> tuple[str, ...]:
 
 
 def raw_feed(topic: Topic, stream: Stream, paths: Sequence[str]) -> TopicFeed:
-    """A stream of numbers at known paths, in SI already."""
+    """Return a stream of numbers at known paths, in SI already."""
     readings = tuple(FieldReading.parse(path) for path in paths)
     return TopicFeed(stream, topic.name, readings, np.ones(len(readings)), "stamp", decoder_of(topic))

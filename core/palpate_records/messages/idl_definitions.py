@@ -39,7 +39,7 @@ _TEXTS = ("string", "wstring")
 
 
 def is_idl(text: str) -> bool:
-    """Whether a definition is IDL, and no ``.msg``.
+    """Return True if a definition is IDL, and no ``.msg``.
 
     >>> is_idl("module a { module msg { struct B { double x; }; }; };"), is_idl("float64 x")
     (True, False)
@@ -48,7 +48,8 @@ def is_idl(text: str) -> bool:
 
 
 def parse_idl(owner: str, text: str) -> dict[str, tuple[Field, ...]]:
-    """The fields of every structure of an IDL text by its short name; raises LogError where it cannot be read."""
+    """Return the fields of every structure of an IDL text by its short name; raises LogError where it cannot be
+    read."""
     parser = _Parser(owner, _TOKEN.findall(_plain(text)))
     parser.definitions([])
     return parser.structures
@@ -220,7 +221,7 @@ def _joined(scope: list[str], name: str) -> str:
 
 
 def _short(path: list[str]) -> str:
-    """A structure's short name; what DDS appends to names of ROS is taken away.
+    """Return a structure's short name; what DDS appends to names of ROS is taken away.
 
     >>> _short(["lab_msgs", "msg", "Load"]), _short(["lab_msgs", "msg", "dds_", "Load_"])
     ('lab_msgs/Load', 'lab_msgs/Load')

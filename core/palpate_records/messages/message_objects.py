@@ -161,7 +161,7 @@ def _number(value: Any) -> float:
 
 
 def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
-    """The stamp [ns] of the element that is read, else that of the message; None without either."""
+    """Return the stamp [ns] of the element that is read, else that of the message; None without either."""
     inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
     for path in (*inner, *_STAMPS):
         stamp = _inside(item, path)
@@ -179,7 +179,8 @@ def _both(stamp: Any, seconds: str, rest: str) -> tuple[Any, Any]:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value is a number that was written as a text, as JSON has those of 64 bits; none begins with 00."""
+    """Return True if a value is a number that was written as a text, as JSON has those of 64 bits; none begins with
+    00."""
     return isinstance(value, str) and len(value) < _DIGITS and _NUMBER.fullmatch(value) is not None
 
 
@@ -206,7 +207,7 @@ def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], budget: 
 
 
 def _attributes(item: Any) -> list[str]:
-    """The fields of a decoded message: of protobuf by its descriptor, of others by its slots or attributes."""
+    """Return the fields of a decoded message: of protobuf by its descriptor, of others by its slots or attributes."""
     if hasattr(item, "DESCRIPTOR"):
         return [field.name for field in item.DESCRIPTOR.fields]
     names = getattr(item, "__slots__", None) or list(getattr(item, "__dict__", ()))

@@ -28,7 +28,7 @@ class _Kind:
 
 
 def bounded_parser(message: Any) -> Callable[[bytes], Any]:
-    """A parser of a message class that refuses, by LogError, what would take too much memory."""
+    """Return a parser of a message class that refuses, by LogError, what would take too much memory."""
     parse: Callable[[bytes], Any] = message.FromString
     name = message.DESCRIPTOR.full_name
     kinds = _kinds(message.DESCRIPTOR, {})
@@ -43,7 +43,7 @@ def bounded_parser(message: Any) -> Callable[[bytes], Any]:
 
 
 def _kinds(descriptor: Any, found: dict[str, _Kind]) -> dict[str, _Kind]:
-    """A type of message, and all that it contains."""
+    """Return a type of message, and all that it contains."""
     waiting = [descriptor]
     while waiting:
         one = waiting.pop()
@@ -84,7 +84,7 @@ def _weigh(kinds: Mapping[str, _Kind], name: str, data: memoryview, budget: Budg
 
 
 def _varint(data: memoryview, at: int) -> tuple[int, int]:
-    """A number, and where it ends."""
+    """Return a number, and where it ends."""
     value = shift = 0
     while at < len(data) and shift < 70:
         byte = data[at]

@@ -54,7 +54,7 @@ class ReadableMessages:
 
     @property
     def ended(self) -> bool:
-        """Whether the rest of the topic is left out."""
+        """True if the rest of the topic is left out."""
         return self._refused >= _REFUSALS
 
     @property

@@ -61,16 +61,17 @@ class MessageDecoder(Protocol):
         ...
 
     def names(self, payload: bytes) -> Collection[str]:
-        """The joints or child frames of one message, which a reading can select."""
+        """Return the joints or child frames of one message, which a reading can select."""
         ...
 
     def read(self, messages: Messages, readings: Sequence[FieldReading]) -> TopicTable:
-        """The readings of a block, without the messages that have nothing of what is selected; raises LogError."""
+        """Return the readings of a block, without the messages that have nothing of what is selected; raises
+        LogError."""
         ...
 
 
 def sensible(values: Floats) -> Floats:
-    """The values, with NaN for numbers that no instrument gives, and whose square overflows."""
+    """Return the values, with NaN for numbers that no instrument gives, and whose square overflows."""
     size = np.abs(values)
     if not size.size or size.max() < LARGEST:  # NaN compares as False
         return values
@@ -87,7 +88,7 @@ def nanoseconds(seconds: Floats) -> Stamps:
 @cache
 @cache
 def si_unit(unit: str) -> tuple[str, float]:
-    """The SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
+    """Return the SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
     if unit == "1":
         return "1", 1.0
     for si in _UNITS:

@@ -12,7 +12,7 @@ _WITH_UNIT = re.compile(r"\s*([-+]?[\d.,]*\d[.,]?(?:[eE][-+]?\d+)?)\s*([^\d\s.,+
 
 
 def number_and_unit(cell: str) -> tuple[str, str]:
-    """The number of a cell as it is written, and the unit behind it; none without one.
+    """Return the number of a cell as it is written, and the unit behind it; none without one.
 
     >>> number_and_unit("1.2 N"), number_and_unit("-3e-2mm"), number_and_unit("1.5D-03"), number_and_unit("12:30")
     (('1.2', 'N'), ('-3e-2', 'mm'), ('1.5D-03', ''), ('12:30', ''))

@@ -15,7 +15,7 @@ _OVERLOAD = re.compile(r"\*{2,}|#+|#nv|#n/a|#wert!|#value!|over|ovf|ovld|over ?f
 
 
 def is_overload(cell: str) -> bool:
-    """Whether a cell holds the mark of an instrument for a reading that it could not make.
+    """Return True if a cell holds the mark of an instrument for a reading that it could not make.
 
     >>> is_overload("OVER"), is_overload("#NV"), is_overload("***"), is_overload("load")
     (True, True, True, False)
@@ -24,7 +24,7 @@ def is_overload(cell: str) -> bool:
 
 
 def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """The number in a cell; raises ValueError. ``1_5`` is not a number: Python alone takes it for 15.
+    """Return the number in a cell; raises ValueError. ``1_5`` is not a number: Python alone takes it for 15.
 
     >>> number("1.234,5", ",", "."), number("1.5D-03")
     (1234.5, 0.0015)
@@ -49,7 +49,7 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
 
 def number_or_nan(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """The number in a cell; NaN for any other cell."""
+    """Return the number in a cell; NaN for any other cell."""
     try:
         return number(cell, decimal, thousands)
     except ValueError:
@@ -63,7 +63,7 @@ def _grouped(decimal: str, thousands: str) -> re.Pattern[str]:
 
 
 def is_grouped(cell: str, decimal: str, thousands: str) -> bool:
-    """Whether a cell can be a number with marks between its thousands.
+    """Return True if a cell can be a number with marks between its thousands.
 
     >>> is_grouped("1,234", ".", ","), is_grouped("0,234", ".", ","), is_grouped("1,23", ".", ",")
     (True, False, False)
@@ -73,7 +73,7 @@ def is_grouped(cell: str, decimal: str, thousands: str) -> bool:
 
 
 def has_decimal_comma(cell: str) -> bool:
-    """Whether a cell is a number but for a comma in place of its point.
+    """Return True if a cell is a number but for a comma in place of its point.
 
     >>> has_decimal_comma("1,5"), has_decimal_comma("1.5"), has_decimal_comma("1,5,2")
     (True, False, False)
@@ -82,5 +82,6 @@ def has_decimal_comma(cell: str) -> bool:
 
 
 def is_cut_at_commas(cells: Sequence[str], header: Sequence[str] | None, delimiter: str) -> bool:
-    """Whether a line has twice the cells of its header, as one whose decimal commas were taken for separators."""
+    """Return True if a line has twice the cells of its header, as one whose decimal commas were taken for
+    separators."""
     return delimiter == "," and header is not None and len(cells) == 2 * len(header)

@@ -36,7 +36,7 @@ def seconds_of_day(cell: str) -> float:
 
 
 def seconds_or_nan(cell: str) -> float:
-    """The time of day in a cell [s]; NaN for any other cell."""
+    """Return the time of day in a cell [s]; NaN for any other cell."""
     try:
         return seconds_of_day(cell)
     except ValueError:

@@ -53,7 +53,7 @@ def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Se
 
 
 def _advances(seconds: Floats) -> bool:
-    """Whether a time goes on from most readings to the next."""
+    """Return True if a time goes on from most readings to the next."""
     steps = np.diff(seconds[np.isfinite(seconds)])
     return len(steps) > 0 and float(np.median(steps)) > 0.0 and float(np.mean(steps == 0)) <= _ALIKE
 
@@ -209,7 +209,7 @@ def _steps(values: Floats) -> Floats:
 
 
 def _falls(values: Floats) -> bool:
-    """Whether a column restarts, as the time of a cycle does."""
+    """Return True if a column restarts, as the time of a cycle does."""
     return bool((_steps(values) < 0).any())
 
 
@@ -218,7 +218,7 @@ def _plausible(step: float, unit: str) -> bool:
 
 
 def _ticks(values: Floats) -> bool:
-    """Whether a column always grows, evenly, and does not merely count the rows."""
+    """Return True if a column always grows, evenly, and does not merely count the rows."""
     steps: Floats = np.asarray(np.diff(values), np.float64)
     return bool(
         len(steps) > 10 and (steps > 0).all() and float(steps.std()) < 0.5 * float(steps.mean()) and (steps != 1).any()

@@ -83,7 +83,7 @@ def one_table(
 
 
 def first_lines(file: IO[str], path: Path, below: int = 0) -> list[str]:
-    """The lines by which a layout is found, those below a stated one."""
+    """Return the lines by which a layout is found, those below a stated one."""
     return [line.replace("\0", "") for line in islice(bounded_lines(file, path), LINES + below)]
 
 
@@ -133,7 +133,7 @@ def _rows_and_block(path: Path, lines: Sequence[str], dialect: Dialect, above: i
 
 
 def _fact(line: int, text: str, dialect: Dialect) -> StatedValue | None:
-    """A name and its value, as in "Operator: A. B." or "Diameter";"14,0";"mm"."""
+    """Return a name and its value, as in "Operator: A. B." or "Diameter";"14,0";"mm"."""
     cells = [cell.strip() for cell in heading_cells(text, dialect, 0) if cell.strip()]
     if len(cells) in (2, 3) and not cells[0].endswith((":", "=")):
         words = " ".join(cells[1:])

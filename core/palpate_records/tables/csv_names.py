@@ -67,7 +67,7 @@ _WAYS = _BACK | {"approach", "approaching", "extend", "loading", "trace", "advan
 
 
 def words_of(name: str) -> list[str]:
-    """The words of a name in small letters, without its unit.
+    """Return the words of a name in small letters, without its unit.
 
     >>> words_of("actual_TCP_force_2 [N]")
     ['actual', 'tcp', 'force']
@@ -76,7 +76,7 @@ def words_of(name: str) -> list[str]:
 
 
 def bare_name(name: str) -> str:
-    """A name in small letters without its unit.
+    """Return a name in small letters without its unit.
 
     >>> bare_name("Fz [N]"), bare_name("tcp_z_mm"), bare_name("Force_Z")
     ('fz', 'tcp_z', 'force_z')
@@ -101,12 +101,12 @@ def stamp_parts(names: Sequence[str]) -> dict[str, int]:
 
 
 def exact_role(name: str) -> str | None:
-    """The role that a whole name states."""
+    """Return the role that a whole name states."""
     return next((role for role, words in EXACT.items() if name.strip().lower() in words), None)
 
 
 def role_by_words(name: str) -> str | None:
-    """The role that a word of a name states; "other" if none does."""
+    """Return the role that a word of a name states; "other" if none does."""
     roles = _roles_of_words(name)
     return "other" if "other" in roles or is_of_joints(name) else next(iter(roles), None)
 
@@ -182,17 +182,17 @@ def is_reading(name: str) -> bool:
 
 
 def is_depth(name: str) -> bool:
-    """Whether a name states the depth itself, which other columns only resemble."""
+    """Return True if a name states the depth itself, which other columns only resemble."""
     return bool(_DEPTHS & {*words_of(name)})
 
 
 def is_of_retraction(name: str) -> bool:
-    """Whether a column holds the way back alone."""
+    """Return True if a column holds the way back alone."""
     return bool(_BACK & {*words_of(name)})
 
 
 def begins_as_time(name: str) -> bool:
-    """Whether the first word of a name is one of time."""
+    """Return True if the first word of a name is one of time."""
     words = words_of(name)
     return bool(words) and (words[0] in EXACT["time"] or BY_WORD.get(words[0]) == "time")
 
@@ -217,7 +217,7 @@ def unit_text(name: str) -> str:
 
 
 def plain_unit(text: str) -> str:
-    """A unit without brackets and quotes, as palpate writes it, where it is one.
+    """Return a unit without brackets and quotes, as palpate writes it, where it is one.
 
     >>> plain_unit("[Sec]"), plain_unit('"mm"'), plain_unit("(µm)")
     ('sec', 'mm', 'µm')
@@ -229,7 +229,7 @@ def plain_unit(text: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit that a column can have."""
+    """Return True if a text is a unit that a column can have."""
     return _known(plain_unit(text))
 
 
@@ -242,7 +242,8 @@ def _known(text: str) -> bool:
 
 
 def unit_of(name: str, below: str = "") -> str | None:
-    """The unit of a column by its name or the row of units `below` it; a load in grams is in gf; None for none."""
+    """Return the unit of a column by its name or the row of units `below` it; a load in grams is in gf; None for
+    none."""
     unit = plain_unit(below) if below else plain_unit(unit_text(name))
     if _FORCES & {*words_of(name)}:
         unit = _WEIGHT.get(unit, unit)
@@ -253,17 +254,17 @@ def unit_of(name: str, below: str = "") -> str | None:
 
 
 def weight_of(unit: str) -> str | None:
-    """The force that a mass in a unit weighs; None where it is not a mass."""
+    """Return the force that a mass in a unit weighs; None where it is not a mass."""
     return _WEIGHT.get(plain_unit(unit))
 
 
 def is_electrical(unit: str) -> bool:
-    """Whether a unit is that of an amplifier or a converter, of which only a person knows what it stands for."""
+    """Return True if a unit is that of an amplifier or a converter, of which only a person knows what it stands for."""
     return plain_unit(unit).lower() in ELECTRICAL
 
 
 def looks_like_unit(written: str, name: str) -> bool:
-    """Whether a short text in brackets or in a row of units must be a unit, known or not."""
+    """Return True if a short text in brackets or in a row of units must be a unit, known or not."""
     bracketed = name.strip()[-1:] in ("]", ")") or not name.strip().endswith(written)
     short = 0 < len(written) <= 5 and not any(c in written for c in " %") and not written.isdigit()
     return bracketed and short and weight_of(written) is None and written.lower() not in _ADJECTIVES

@@ -73,7 +73,7 @@ class Sheet:
 
     @property
     def header(self) -> bool:
-        """Whether its columns have names."""
+        """True if its columns have names."""
         return self.layout.names is not None
 
     @property
@@ -102,7 +102,7 @@ class Sheet:
         return _text(self.stated, "encoding"), _text(self.stated, "sheet")
 
     def blocks(self) -> Iterator[Floats]:
-        """The numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
+        """Yield the numbers (n, k), some thousand rows at a time; NaN for any other cell, seconds for times of day."""
         self.footer.clear()
         self.events.clear()
         above = 0
@@ -119,7 +119,7 @@ class Sheet:
                 yield numbers
 
     def _by_line(self, lines: Iterator[str], above: int) -> Iterator[Floats]:
-        """The numbers (n, k) of lines that may hold anything; so many rows were read above them."""
+        """Yield the numbers (n, k) of lines that may hold anything; so many rows were read above them."""
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
@@ -155,7 +155,7 @@ class Sheet:
         return read
 
     def unit(self, column: int) -> str | None:
-        """The unit that the name of a column, the row of units, or else a person states; None for none.
+        """Return the unit that the name of a column, the row of units, or else a person states; None for none.
 
         A load in grams is in gf.
         """
@@ -167,17 +167,17 @@ class Sheet:
         return unit_of(self.names[column], below) or (unit_of(self.names[column], own) if own else None)
 
     def _is_own(self, column: int) -> bool:
-        """Whether the unit of a column is that which a person states, since the file does not."""
+        """Return True if the unit of a column is that which a person states, since the file does not."""
         if self.names[column] not in self.own_units:
             return False
         return self._unit_there(column) is None or is_electrical(self.written_unit(column))
 
     def scale(self, column: int) -> float:
-        """How many of its unit one number of a column is."""
+        """Return how many of its unit one number of a column is."""
         return self._own_unit(column)[0] if self._is_own(column) else 1.0
 
     def _own_unit(self, column: int) -> tuple[float, str]:
-        """How many of which unit a person has stated one to be; raises LogError for anything else."""
+        """Return how many of which unit a person has stated one to be; raises LogError for anything else."""
         text = self.own_units[self.names[column]]
         match = _OWN_UNIT.fullmatch(text)
         try:
@@ -196,7 +196,8 @@ class Sheet:
         return below or plain_unit(unit_text(self.names[column]))
 
     def needs_scale(self, column: int) -> bool:
-        """Whether a column is in volts, counts or an unknown unit, so that only a person knows how much one is."""
+        """Return True if a column is in volts, counts or an unknown unit, so that only a person knows how much one
+        is."""
         if self._is_own(column):
             return False
         written, name = self.written_unit(column), self.names[column]
@@ -214,7 +215,7 @@ class Sheet:
         return ", ".join(names) + (", ..." if len(self.names) > _NAMED else "")
 
     def index_of(self, role: str, choice: str) -> int:
-        """The column that a choice names, by the header or by its number; raises LogError if it is missing."""
+        """Return the column that a choice names, by the header or by its number; raises LogError if it is missing."""
         if choice in self.names:
             return self.names.index(choice)
         if choice.isdigit() and int(choice) < len(self.names):
@@ -239,12 +240,12 @@ class Sheet:
 
 
 def column_text(column: int | str) -> str:
-    """The name or the number of a column, cut and without what a terminal would obey."""
+    """Return the name or the number of a column, cut and without what a terminal would obey."""
     return printable(str(column))[:_NAME]
 
 
 def together(blocks: Iterator[Floats], limit: int) -> Floats:
-    """The first rows of a table, up to a limit."""
+    """Return the first rows of a table, up to a limit."""
     kept: list[Floats] = []
     for block in chain(blocks):
         kept.append(block)
@@ -289,7 +290,7 @@ def _refuse_decimal_commas(
 
 
 def _with_thousands(path: Path, dialect: Dialect, rows: list[list[str]], layout: TableLayout) -> Dialect:
-    """The dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither is certain."""
+    """Return the dialect, where ``1,234`` may be a fraction or a thousand; raises LogError where neither is certain."""
     columns = [[row[k] for row in rows if k < len(row)] for k in range(layout.width) if k not in layout.clocks]
     if dialect.thousands:
         return dialect

@@ -13,7 +13,7 @@ _NUMBER = re.compile(r"[+-]?(\d*)(?:\.(\d*))?(?:[eE][+-]?(\d+))?")
 
 
 def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
-    """The last number of a file, if its line has no end and all numbers above it have more digits.
+    """Return the last number of a file, if its line has no end and all numbers above it have more digits.
 
     Digits of the exponent, else behind the point, else of whole numbers: of a number that was cut, those that matter
     are the first to go. Tables written by hand often have no last end of line; a file that was packed is whole.
@@ -48,6 +48,6 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
 
 
 def _shape(cell: str) -> tuple[int, int, int] | None:
-    """How many digits a number has before the point, behind it and in its exponent."""
+    """Return how many digits a number has before the point, behind it and in its exponent."""
     found = _NUMBER.fullmatch(cell)
     return (len(found[1]), len(found[2] or ""), len(found[3] or "")) if found and cell else None

@@ -30,13 +30,13 @@ class Dialect:
     comment: str = "#"
 
     def rows(self, lines: Iterable[str]) -> Iterator[list[str]]:
-        """The cells of lines; several spaces separate as one."""
+        """Return the cells of lines; several spaces separate as one."""
         if self.delimiter == " ":
             return csv.reader((line.strip() for line in lines), delimiter=" ", skipinitialspace=True)
         return csv.reader(lines, delimiter=self.delimiter)
 
     def is_number(self, cell: str) -> bool:
-        """Whether a cell is a number."""
+        """Return True if a cell is a number."""
         try:
             number(cell, self.decimal, self.thousands)
         except ValueError:
@@ -44,19 +44,19 @@ class Dialect:
         return True
 
     def is_value(self, cell: str) -> bool:
-        """Whether a cell is a number, with or without its unit, or a time of day."""
+        """Return True if a cell is a number, with or without its unit, or a time of day."""
         if self.is_number(cell):
             return True
         plain, unit = number_and_unit(cell)
         return (bool(unit) and self.is_number(plain)) or is_clock(cell)
 
     def is_comment(self, line: str) -> bool:
-        """Whether a line is a comment."""
+        """Return True if a line is a comment."""
         return bool(self.comment) and line.lstrip().startswith(self.comment)
 
 
 def is_clock(cell: str) -> bool:
-    """Whether a cell is a time of day, with or without a date."""
+    """Return True if a cell is a time of day, with or without a date."""
     if ":" not in cell:
         return False
     try:
@@ -67,12 +67,12 @@ def is_clock(cell: str) -> bool:
 
 
 def is_blank(cell: str) -> bool:
-    """Whether a cell holds nothing."""
+    """Return True if a cell holds nothing."""
     return cell.strip().lower() in _BLANKS
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """The likeliest dialect of lines: that in which most of their cells are numbers, and fewest are text."""
+    """Return the likeliest dialect of lines: that in which most of their cells are numbers, and fewest are text."""
     late = lines[len(lines) // 2 :]
     likeliest = [*sorted(late, key=len)[-_LOOKED:], *late[-_LOOKED:]]
     different: dict[tuple[str, str, str], Dialect] = {}
@@ -83,7 +83,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def _marks_in(text: str, dialect: Dialect) -> tuple[str, str, str]:
-    """The marks of a dialect that a text holds: it has the same cells in all dialects with the same of them."""
+    """Return the marks of a dialect that a text holds: it has the same cells in all dialects with the same of them."""
     delimiter = dialect.delimiter if dialect.delimiter in text or '"' in text else ""
     decimal = dialect.decimal if "." in text or "," in text else ""
     alike = _SPACES if dialect.thousands == " " else dialect.thousands

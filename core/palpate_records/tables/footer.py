@@ -24,7 +24,7 @@ def without_footer(
     footer: list[list[str]],
     above: int = 0,
 ) -> Iterator[Row]:
-    """The rows of a table whose first has numbers in these columns; what is below them goes to the footer.
+    """Yield the rows of a table whose first has numbers in these columns; what is below them goes to the footer.
 
     A footer begins with words in the first column of numbers, or with fewer cells below an empty line, and has no row
     of readings in or below it: what goes on after a line of words may hide a loss, and is left to whoever reads it.
@@ -59,7 +59,7 @@ def _is_filled(cells: list[str]) -> bool:
 
 
 def _is_row(cells: list[str], numbers: frozenset[int], dialect: Dialect) -> bool:
-    """Whether a line has readings, or marks of what is missing, in all columns of numbers."""
+    """Return True if a line has readings, or marks of what is missing, in all columns of numbers."""
     mine = [cells[k].strip() for k in numbers if k < len(cells)]
     return (
         len(mine) == len(numbers)

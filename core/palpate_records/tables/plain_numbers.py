@@ -21,23 +21,23 @@ _OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE")  # takes away what a numb
 
 
 def without_digits(text: str) -> str:
-    """A text without the characters of numbers."""
+    """Return a text without the characters of numbers."""
     return text.translate(_OF_NUMBERS)
 
 
 def whole_lines(file: IO[str]) -> Iterator[str]:
-    """The rest of a file, some thousand whole lines at a time."""
+    """Yield the rest of a file, some thousand whole lines at a time."""
     while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
         yield text
 
 
 def lines_from(text: str, file: IO[str], path: Path) -> Iterator[str]:
-    """The lines of a text that was read last, and of the rest of its file."""
+    """Return the lines of a text that was read last, and of the rest of its file."""
     return chain(bounded_lines(io.StringIO(text, newline=""), path), bounded_lines(file, path))
 
 
 def plain_numbers(text: str, dialect: Dialect, width: int) -> Floats | None:
-    """The numbers (n, width) of whole lines of nothing but numbers; None for other lines.
+    """Return the numbers (n, width) of whole lines of nothing but numbers; None for other lines.
 
     What is left without the characters of numbers must be the same separators in every line.
     """
@@ -56,7 +56,7 @@ def plain_numbers(text: str, dialect: Dialect, width: int) -> Floats | None:
 
 
 def _parsed(numbers: str) -> Floats | None:
-    """The numbers (n,) between commas; None for anything else."""
+    """Return the numbers (n,) between commas; None for anything else."""
     try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
         found = from_json(f"[{numbers}]")
         return np.fromiter(found, np.float64, len(found))

@@ -26,7 +26,7 @@ class TableRecord:
     names: tuple[str, ...] = ()  # of these
 
     def layout(self, whole: TableLayout) -> TableLayout:
-        """The layout of its own cells."""
+        """Return the layout of its own cells."""
         if not self.cells:
             return whole
         units, own = (
@@ -37,7 +37,7 @@ class TableRecord:
         return replace(whole, width=len(self.cells), names=self.names, units=units, clocks=clocks, cell_units=own)
 
     def rows(self, rows: Iterable[Row], cells_of: Callable[[Row], list[str]]) -> Iterator[Row]:
-        """The rows that are its own, whole; a cell that is empty names what that above it does."""
+        """Yield the rows that are its own, whole; a cell that is empty names what that above it does."""
         current = [""] * len(self.naming)
         for row in rows:
             cells = cells_of(row)

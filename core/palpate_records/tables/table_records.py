@@ -45,7 +45,7 @@ _BRACKETS = re.compile(r"[\[(][^\])]*[\])]")
 
 
 def records_in(path: Path, stated: Mapping[str, str] | None = None) -> tuple[TableRecord, ...]:
-    """The records of a file that holds several, by what is stated of how it is written; none where it is one."""
+    """Return the records of a file that holds several, by what is stated of how it is written; none where it is one."""
     records = _parts_of(path, stated or {})
     return records if len(records) > 1 else ()
 
@@ -65,7 +65,7 @@ def _parts_of(path: Path, stated: Mapping[str, str]) -> tuple[TableRecord, ...]:
 
 
 def record_named(path: Path, name: str, stated: Mapping[str, str] | None = None) -> TableRecord:
-    """The record of a name; raises LogError if it is missing."""
+    """Return the record of a name; raises LogError if it is missing."""
     there = records_in(path, stated)
     for record in there:
         if record.name == name:
@@ -120,7 +120,8 @@ def _records(path: Path, stated: tuple[tuple[str, str], ...], changed: int, size
 
 
 def _in_table(path: Path, given: Mapping[str, str]) -> list[TableRecord]:
-    """The records in one text or sheet, none or one in pages where it is one; LogError is for whoever reads it."""
+    """Return the records in one text or sheet, none or one in pages where it is one; LogError is for whoever reads
+    it."""
     with suppress(LogError):
         sheet = _sheet(path, given)
         if sheet.header and len(sheet.names) > 1:
@@ -165,7 +166,7 @@ def _without_page_breaks(sheet: Sheet, tables: Sequence[tuple[int, str]]) -> lis
 
 
 def _lines_with_letters(file: IO[str], sheet: Sheet) -> Iterator[tuple[int, str]]:
-    """The lines that hold a letter, with their numbers from 1 on."""
+    """Yield the lines that hold a letter, with their numbers from 1 on."""
     above = [*islice(bounded_lines(file, sheet.path), sheet.layout.begin)]
     count = 0
     for text in chain(above, whole_lines(file)):
@@ -221,7 +222,7 @@ def _label_of(sheet: Sheet, k: int) -> tuple[str, str]:
 
 
 def _states(word: str, role: str) -> bool:
-    """Whether a word of a name, with or without the number behind it, is that of its quantity."""
+    """Return True if a word of a name, with or without the number behind it, is that of its quantity."""
     return role in (exact_role(word), role_by_words(word))
 
 
@@ -233,7 +234,7 @@ def _role(sheet: Sheet, k: int) -> str | None:
 
 
 def _stated_unit(sheet: Sheet, k: int) -> str | None:
-    """The unit by the name of a column, or the row of units."""
+    """Return the unit by the name of a column, or the row of units."""
     return unit_of(sheet.names[k], sheet.layout.units[k] if k < len(sheet.layout.units) else "")
 
 
@@ -276,7 +277,7 @@ def _merged(counts: Mapping[tuple[str, ...], int], used: Sequence[int]) -> Count
 
 
 def _names_records(counts: Mapping[tuple[str, ...], int], sheet: Sheet) -> bool:
-    """Whether texts are names: whole numbers, or no numbers; and most of them are those of many rows."""
+    """Return True if texts are names: whole numbers, or no numbers; and most of them are those of many rows."""
     usual = sorted(counts.values())[len(counts) // 2]
     texts = {text for key in counts for text in key}
     numbers = [number(text, sheet.dialect.decimal) for text in texts if sheet.dialect.is_number(text)]

@@ -83,7 +83,7 @@ def open_text(path: Path, encoding: str | None = None, sheet: str | None = None)
 
 
 def bounded_lines(file: IO[str], path: Path) -> Iterator[str]:
-    """The lines of a text, none of which may be longer than a line of numbers is."""
+    """Yield the lines of a text, none of which may be longer than a line of numbers is."""
     while line := file.readline(_LINE):
         if len(line) == _LINE and not line.endswith("\n"):
             raise LogError(f"{path}: is not a CSV text: a line has more than {_LINE} characters")

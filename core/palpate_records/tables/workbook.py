@@ -23,7 +23,7 @@ _LOOKED = 400  # rows in which a sheet's first numbers are looked for
 
 
 def workbook_text(path: Path, sheet: str | None) -> str:
-    """A sheet with tabs between its cells, the first with rows of numbers if none is named; raises LogError."""
+    """Return a sheet with tabs between its cells, the first with rows of numbers if none is named; raises LogError."""
     about = path.stat()
     return _text(path, sheet, about.st_mtime_ns, about.st_size)
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, type[Device] | str]:
-    """The arm."""
+    """Return the arm."""
     return {"franka": "palpate_franka.device:Franka"}
 
 

@@ -11,7 +11,7 @@ _PORT = 1337  # of the controller's commands
 
 
 def connected(host: str, realtime: str) -> Any:
-    """A `franky.Robot`; raises DeviceError, and ImportError without the library."""
+    """Return a `franky.Robot`; raises DeviceError, and ImportError without the library."""
     import franky
 
     config = franky.RealtimeConfig.Enforce if realtime == "enforce" else franky.RealtimeConfig.Ignore
@@ -39,5 +39,5 @@ def reservation(host: str) -> str:
 
 
 def words_of(error: BaseException) -> str:
-    """An error of the library as a sentence."""
+    """Return an error of the library as a sentence."""
     return " ".join(str(error).removeprefix("libfranka: ").split()).rstrip(".!")

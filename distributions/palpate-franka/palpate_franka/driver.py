@@ -74,7 +74,7 @@ class FrankaDriver(ArmDriver):
             self._lost = words_of(error)
 
     def _refuse_other_robot(self) -> str:
-        """The robot's name in its description; raises DeviceError where that is another one."""
+        """Return the robot's name in its description; raises DeviceError where that is another one."""
         found = _ROBOT.search(self._robot.model_urdf)
         name = found.group(1) if found else "unknown"
         if not name.startswith(self.settings["model"]):
@@ -128,7 +128,7 @@ class FrankaDriver(ArmDriver):
         self.facts |= {"payload": state.m_total, "payload_centre": state.F_x_Ctotal.tolist()}
 
     def read(self) -> ArmReading | None:
-        """The newest state: at once where the arm is held or observed, else within a millisecond."""
+        """Return the newest state: at once where the arm is held or observed, else within a millisecond."""
         try:
             state = self._newest if self._observed else self._robot.state
         except self._library.Exception as error:
@@ -178,7 +178,7 @@ class FrankaDriver(ArmDriver):
             raise ArmFaultError(self._end())
 
     def _end(self) -> str:
-        """Why the controller has ended the motion, in its own words."""
+        """Return why the controller has ended the motion, in its own words."""
         try:
             self._robot.join_motion(0.0)
         except self._library.ControlException as error:

@@ -30,7 +30,7 @@ MEANINGS = {
 
 
 def error_names(library: Any) -> list[str]:
-    """The errors that a client library knows, in a fixed order."""
+    """Return the errors that a client library knows, in a fixed order."""
     return sorted(name for name in dir(library.Errors) if not name.startswith("_"))
 
 
@@ -42,7 +42,7 @@ def error_bits(errors: Any, names: Sequence[str]) -> int:
 
 
 def names_of(bits: int, names: Sequence[str]) -> list[str]:
-    """The names that bits stand for."""
+    """Return the names that bits stand for."""
     return [name for place, name in enumerate(names) if bits >> place & 1]
 
 
@@ -52,7 +52,7 @@ def explained(errors: Sequence[str]) -> str:
 
 
 def complaint(mode: int, errors: Sequence[str]) -> str | None:
-    """Why a robot in this mode, with these errors, cannot be moved; None where it can."""
+    """Return why a robot in this mode, with these errors, cannot be moved; None where it can."""
     if errors:
         return f"the controller stopped it: {explained(errors)}"
     if mode in (IDLE, MOVES):

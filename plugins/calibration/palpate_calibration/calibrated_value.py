@@ -85,7 +85,7 @@ def _beyond(values: Floats, std: Floats) -> float:
 
 
 def calibrated_value(measured: MeasuredValue) -> CalibratedValue:
-    """A measured value in a calibration file."""
+    """Return a measured value in a calibration file."""
     return CalibratedValue(
         value=measured.value,
         unit=measured.unit,
@@ -99,7 +99,7 @@ def calibrated_value(measured: MeasuredValue) -> CalibratedValue:
 
 
 def scale_value(measured: MeasuredValue, by: float, unit: str) -> MeasuredValue:
-    """A value times a number that is known, in another unit."""
+    """Return a value times a number that is known, in another unit."""
     type_a = measured.type_a * by if measured.type_a is not None else None
     return MeasuredValue(
         measured.value * by,
@@ -114,7 +114,7 @@ def scale_value(measured: MeasuredValue, by: float, unit: str) -> MeasuredValue:
 
 
 def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
-    """The sum of two values that know nothing of each other."""
+    """Return the sum of two values that know nothing of each other."""
 
     def joined(a: float, b: float) -> float:
         return float((a**2 + b**2) ** 0.5)

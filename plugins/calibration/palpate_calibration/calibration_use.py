@@ -28,7 +28,7 @@ def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> d
 
 
 def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
-    """The part of a live device's facts that identifies it, and since when it is powered."""
+    """Return the part of a live device's facts that identifies it, and since when it is powered."""
     kept = ("powered_since", "supply")
     return {key: text for key, text in facts.items() if isinstance(text, str) and (is_identity(key) or key in kept)}
 
@@ -74,7 +74,8 @@ class AppliedCalibration:
         return settings.model_copy(update=changes)
 
     def _orientation(self, settings: AlignmentSettings) -> dict[str, Any]:
-        """The sensor's mounting, and its bias for a calibrated tare: the offset has the weight of one posture in it."""
+        """Return the sensor's mounting, and its bias for a calibrated tare: the offset has the weight of one posture
+        in it."""
         changes = dict[str, Any]()
         mounting, bias = ([self.values.get(f"{name}_{axis}") for axis in "xyz"] for name in ("mounting", "bias"))
         if all(mounting) and "mounting" not in settings.model_fields_set:
@@ -94,7 +95,7 @@ class AppliedCalibration:
         return (now - self.calibration.created).total_seconds()
 
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
-        """Why its offset need not be that of the sensor now; None where it is.
+        """Return why its offset need not be that of the sensor now; None where it is.
 
         An offset is valid while the sensor keeps its power, and no longer than the calibration is.
         """
@@ -129,7 +130,8 @@ class AppliedCalibration:
             return None
 
     def estimator(self, estimator: Any) -> Any:
-        """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
+        """Return an estimator with the calibration's noise wherever it has such a setting and the file leaves it
+        open."""
         values = self.values
         open_noises = [
             name
@@ -144,7 +146,7 @@ class AppliedCalibration:
         return any(signal is not None and {"delay", "uncertainty"} & signal.model_fields_set for signal in signals)
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
-        """The flags on this calibration: its age, another sensor or tip, settings that contradict it.
+        """Yield the flags on this calibration: its age, another sensor or tip, settings that contradict it.
 
         `live` is what connected devices reported of themselves, by name.
         """
@@ -237,7 +239,7 @@ class AppliedCalibration:
 
 
 def calibration_in(path: Path, valid_for: float) -> AppliedCalibration:
-    """The calibration in a file, which is flagged when older than `valid_for` [s]; raises ConfigurationError."""
+    """Return the calibration in a file, which is flagged when older than `valid_for` [s]; raises ConfigurationError."""
     return AppliedCalibration(read_calibration(path), str(path), valid_for)
 
 

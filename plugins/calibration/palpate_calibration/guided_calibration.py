@@ -112,7 +112,7 @@ def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[Calibrati
 
 
 def _reach(plan: CalibrationPlan, name: str, step: StepSettings | Orientations) -> Reach | None:
-    """How far, fast and sudden a step's motion is; None where it reads a log or nothing moves."""
+    """Return how far, fast and sudden a step's motion is; None where it reads a log or nothing moves."""
     of_step = with_step(plan, step)
     if not moves(of_step):
         return None
@@ -163,7 +163,7 @@ def _repeated(
 
 
 def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
-    """The step in which the tool is turned: by a simulated rig, by a person, or in a log."""
+    """Return the step in which the tool is turned: by a simulated rig, by a person, or in a log."""
     of_step = with_step(plan, step)
     if not moves(of_step) and not is_live(of_step.devices):
         guide.say("  reading the log")
@@ -191,7 +191,8 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
 
 
 def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Sequence[Pose]]) -> Mounting | None:
-    """The sensor's mounting, where the arm's poses are recorded; raises LogError where they do not determine it."""
+    """Return the sensor's mounting, where the arm's poses are recorded; raises LogError where they do not determine
+    it."""
     tools = tools_of(repeats)
     if tools is None:
         return None

@@ -52,7 +52,7 @@ class SteadyMotion:
 
     @property
     def breaks_up(self) -> bool:
-        """Whether hesitations are over half of it: too much to be left out."""
+        """True if hesitations are over half of it: too much to be left out."""
         return self.share > _MOST_LEFT_OUT
 
     def hold(self, time: Floats) -> NDArray[np.bool_]:
@@ -67,14 +67,14 @@ def hesitation_note(count: int) -> str:
 
 
 def standing_still(record: CalibrationRecord) -> list[Segment]:
-    """The stretches in which the position does not change by more than its noise, in order."""
+    """Return the stretches in which the position does not change by more than its noise, in order."""
     edges, swing = _swing(record)
     quiet = swing < min(max(3.0 * float(np.quantile(swing, 0.02)), _STILL), 0.1 * float(swing.max()))
     return _stretches(edges, quiet, record, _SHORTEST_STANDSTILL)
 
 
 def longest_standstill(record: CalibrationRecord) -> Segment | None:
-    """The longest stretch of a record in which the tip stands still; None if it always moves."""
+    """Return the longest stretch of a record in which the tip stands still; None if it always moves."""
     edges, swing = _swing(record)
     noise = float(np.quantile(swing, 0.02))
     if noise > _MOVING:
@@ -84,7 +84,7 @@ def longest_standstill(record: CalibrationRecord) -> Segment | None:
 
 
 def shake_segments(record: CalibrationRecord, settle: float) -> list[Segment]:
-    """The stretches of even to-and-fro motion, in order, without the first `settle` seconds of each.
+    """Return the stretches of even to-and-fro motion, in order, without the first `settle` seconds of each.
 
     The swing over a window of a second must be the same half a second before and after: a shake fades in and out.
     """
@@ -103,7 +103,7 @@ def shake_segments(record: CalibrationRecord, settle: float) -> list[Segment]:
 
 
 def _comes_back(record: CalibrationRecord, segment: Segment) -> bool:
-    """Whether a stretch goes to and fro, not from one place to another."""
+    """Return True if a stretch goes to and fro, not from one place to another."""
     _, values = record.position.between(segment.begin, segment.end)
     quarter = max(len(values) // 4, 1)
     return abs(float(values[-quarter:].mean() - values[:quarter].mean())) < float(values.std())

@@ -84,7 +84,7 @@ class Mounting:
 def find_mounting(
     repeats: Sequence[tuple[Floats, Floats, float]], down: Floats, angle: float, sign: int, near: Sequence[float]
 ) -> Mounting:
-    """The mounting from repeats of forces, orientations and noise [N].
+    """Return the mounting from repeats of forces, orientations and noise [N].
 
     Type B is what a base that is not level by `angle` [rad] would do. Of a half turn's two vectors the one `near`
     another is taken.

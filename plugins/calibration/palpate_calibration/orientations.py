@@ -51,7 +51,7 @@ class WrenchRecorder:
 
     @property
     def reads_orientation(self) -> bool:
-        """Whether the stream of the position is that of a pose."""
+        """True if the stream of the position is that of a pose."""
         return bool(self._orientation)
 
     def feed(self, device: str, batch: Batch) -> None:

@@ -48,7 +48,8 @@ class CalibrationPlan:
 
 
 def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
-    """The calibration plan in a file; raises ConfigurationError with every mistake at once, each with its line."""
+    """Return the calibration plan in a file; raises ConfigurationError with every mistake at once, each with its
+    line."""
     pipeline = load_pipeline(path, overrides, estimates=False)
     refuse_rehearsal(pipeline)
     settings = pipeline.tables.get("calibration", CalibrationSettings())

@@ -78,7 +78,7 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
 
 
 def delay_from_taps(records: Sequence[CalibrationRecord]) -> StepFindings:
-    """A second delay, from taps on a stiff plate."""
+    """Return a second delay, from taps on a stiff plate."""
     delays = []
     for record in records:
         times, readings = _on_plate(record)
@@ -87,7 +87,7 @@ def delay_from_taps(records: Sequence[CalibrationRecord]) -> StepFindings:
 
 
 def compliance_from_presses(records: Sequence[CalibrationRecord]) -> StepFindings:
-    """The compliance of robot and sensor, from presses on a stiff plate."""
+    """Return the compliance of robot and sensor, from presses on a stiff plate."""
     found = []
     for record in records:
         times, readings = _on_plate(record)
@@ -112,7 +112,8 @@ def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
 
 
 def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
-    """All steps together: where several give the same value, the earlier one counts, and disagreement is noted."""
+    """Return all steps together: where several give the same value, the earlier one counts, and disagreement is
+    noted."""
     values: dict[str, MeasuredValue] = {}
     for session in sessions:
         values = session.values | values
@@ -133,7 +134,7 @@ def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) 
 
 
 def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, MeasuredValue]) -> Iterator[str]:
-    """The notes that no other step has made good."""
+    """Yield the notes that no other step has made good."""
     for session in sessions:
         yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-standstill"))
 

@@ -45,13 +45,13 @@ _STEP = 1e-3  # [s] between the instants that are checked
 
 
 def with_step(plan: CalibrationPlan, step: StepSettings | Orientations) -> CalibrationPlan:
-    """The plan with the devices and the motion of one step."""
+    """Return the plan with the devices and the motion of one step."""
     motion = {"motion": step.trajectory} if step.trajectory is not None else {}
     return replace(plan, devices=step.device or plan.devices, trajectories=motion)
 
 
 def moves(plan: CalibrationPlan) -> bool:
-    """Whether a device of the plan moves, so that it takes a motion; a log contains its own."""
+    """Return True if a device of the plan moves, so that it takes a motion; a log contains its own."""
     for device in plan.devices.values():
         if device.live:
             return True
@@ -110,7 +110,8 @@ def _run(plan: CalibrationPlan, seed: int, take: Callable[[str, Batch], None], s
 def one_pose(
     plan: CalibrationPlan, step: Orientations, down: tuple[float, ...], seed: int, turn: Callable[[], None]
 ) -> Pose:
-    """The sensor's mean reading in one orientation; where no device turns the tool on its own, `turn` asks for it."""
+    """Return the sensor's mean reading in one orientation; where no device turns the tool on its own, `turn` asks
+    for it."""
     recorder = WrenchRecorder(plan.ports)
     sensor = plan.devices[recorder.device]
     if sensor.live:
@@ -144,7 +145,7 @@ def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> 
 
 
 def poses_of_a_log(plan: CalibrationPlan, count: int) -> list[Pose]:
-    """The standstills of a log in which the tool was turned from one orientation to the next."""
+    """Return the standstills of a log in which the tool was turned from one orientation to the next."""
     wrench, recorder = WrenchRecorder(plan.ports), CalibrationRecorder(plan.alignment, plan.ports)
 
     def take(device: str, batch: Batch) -> None:

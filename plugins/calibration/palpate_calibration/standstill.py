@@ -76,7 +76,7 @@ class OctaveNoise:
 
 
 def noise_spectrum(spectrum: OctaveNoise) -> NoiseSpectrum:
-    """A spectrum in a calibration file."""
+    """Return a spectrum in a calibration file."""
     return NoiseSpectrum(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
 
 
@@ -143,7 +143,8 @@ def _white_std(values: Floats) -> RepeatValue:
 
 
 def _colour(force: Floats) -> float:
-    """How much of the noise is slow, where 1 is white; much above it the noise does not average out by its number."""
+    """Return how much of the noise is slow, where 1 is white; much above it the noise does not average out by its
+    number."""
     line = np.linspace(-1.0, 1.0, len(force))
     level = force - force.mean()
     power = np.abs(np.fft.rfft(level - line * (line * level).sum() / (line**2).sum()))[1:] ** 2

@@ -77,7 +77,7 @@ def _solved(design: Floats, values: Floats, noise: float) -> tuple[Floats, Float
 
 
 def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> RepeatValue:
-    """How much later the force is stamped than the motion [s], from pressing on a stiff surface and letting go.
+    """Return how much later the force is stamped than the motion [s], from pressing on a stiff surface and letting go.
 
     `force` and `position` are time-stamps [s] and readings. On a stiff surface the force is a function of the
     penetration alone, so the loading and unloading branches of force over position coincide at the right delay: the

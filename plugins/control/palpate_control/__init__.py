@@ -17,7 +17,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, ControlReader]]:
-    """The check that stands behind a run."""
+    """Return the check that stands behind a run."""
     return {"control chart": {"control": ControlReader("palpate_control.chart_use:chart_use")}}
 
 

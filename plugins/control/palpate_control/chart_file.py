@@ -64,7 +64,7 @@ class ControlChart(Settings):
 
 
 def read_chart(path: Path) -> ControlChart:
-    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is not a chart."""
+    """Return the chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is not a chart."""
     chart = read_settings(path, ControlChart, "control chart")
     for number, check in enumerate(chart.check, 1):
         if check.date.tzinfo is None:
@@ -76,7 +76,7 @@ def read_chart(path: Path) -> ControlChart:
 
 
 def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
-    """The chart with one more check, written: whole, or as it was. What stands in the file stays unchanged.
+    """Return the chart with one more check, written: whole, or as it was. What stands in the file stays unchanged.
 
     `chart` is used for a new file. Raises ConfigurationError for a check that is in the chart already, or
     is older than its last, OutputError where it cannot be written.

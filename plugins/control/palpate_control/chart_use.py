@@ -26,7 +26,7 @@ class ChartUse:
     valid_for: float  # [s]
 
     def facts(self, started: datetime) -> dict[str, Any]:
-        """The last check, for ``run.control`` of result.json."""
+        """Return the last check, for ``run.control`` of result.json."""
         last = self.chart.check[-1]
         age = (started - last.date).total_seconds()
         return {
@@ -62,7 +62,7 @@ class ChartUse:
 
 
 def chart_use(path: Path, valid_for: float) -> ChartUse:
-    """The chart in a file, whose last check is called old after `valid_for` [s]; raises ConfigurationError."""
+    """Return the chart in a file, whose last check is called old after `valid_for` [s]; raises ConfigurationError."""
     chart = read_chart(path)
     if not chart.check:
         raise ConfigurationError(f"{path}: holds no check yet")

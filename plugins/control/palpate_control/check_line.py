@@ -21,7 +21,7 @@ def check_lines(result: Result) -> list[str]:
 
 
 def age_text(age: float) -> str:
-    """An age [s] in words.
+    """Return an age [s] in words.
 
     >>> age_text(3 * 86400.0), age_text(7200.0), age_text(-1.0)
     ('3 days old', '2 hours old', 'made after the run')

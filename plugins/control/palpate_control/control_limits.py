@@ -39,7 +39,7 @@ class CheckState:
 
     @property
     def in_control(self) -> bool:
-        """Whether it keeps all of them."""
+        """True if it keeps all of them."""
         return not self.reasons
 
 
@@ -65,7 +65,7 @@ class _Average:
 
 
 def check_states(readings: Sequence[CheckValue], reference: float, reference_std: float) -> list[CheckState]:
-    """The state of every check, in their order.
+    """Return the state of every check, in their order.
 
     At first the centre is the reference, and the limits follow from the stated uncertainties: what all checks share
     (tip, gain, reference) does not average out of the EWMA, what differs from check to check does. From the 26th check

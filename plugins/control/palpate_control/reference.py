@@ -33,7 +33,8 @@ class Reference:
 
 
 def read_reference(given: str, uncertainty: str | None) -> Reference:
-    """The reference that a command line states: a value with a unit, or a TOML file; raises ConfigurationError."""
+    """Return the reference that a command line states: a value with a unit, or a TOML file; raises
+    ConfigurationError."""
     if not given.endswith(".toml"):
         if uncertainty is None:
             raise ConfigurationError(f"--uncertainty is missing: the reference needs {_UNCERTAINTY}")
@@ -60,14 +61,14 @@ def read_reference(given: str, uncertainty: str | None) -> Reference:
 def _reference(
     name: str, value: Any, uncertainty: Any, value_key: str, std_key: str, tip: dict[str, Any] | None = None
 ) -> Reference:
-    """A reference, each of its two numbers checked under its key."""
+    """Return a reference, each of its two numbers checked under its key."""
     unit = _unit(value, value_key)
     number, std = (_number(text, unit, key) for text, key in ((value, value_key), (uncertainty, std_key)))
     return Reference(name, number, unit, std, tip)
 
 
 def _unit(value: Any, key: str) -> str:
-    """The SI unit of a value with a unit."""
+    """Return the SI unit of a value with a unit."""
     if not isinstance(value, str) or re.fullmatch(r"\s*[-+.\deE]+\s*", value):
         raise ConfigurationError(
             f'{key}: {value!r} has no unit; write for example "112.5 kPa", or "3.2 N/mm" of a spring'
@@ -102,7 +103,7 @@ def _table(path: Path) -> dict[str, Any]:
 
 
 def _tip(path: Path, table: Any) -> dict[str, Any]:
-    """The tip of a reference as runs state theirs."""
+    """Return the tip of a reference as runs state theirs."""
     source = Source("", path)
     source.tables = {"indenter": {"tip": table}}
     known = registry.load()

@@ -35,7 +35,7 @@ class RunCheck:
 
 
 def check_of_run(path: Path, reference: Reference, track: str | None) -> RunCheck:
-    """The check that a run folder holds, of one track or the best; raises UserError where it holds none."""
+    """Return the check that a run folder holds, of one track or the best; raises UserError where it holds none."""
     folder = RunFolder(path)
     if not folder.finished:
         raise LogError(f"{path}: is not a run folder with a {RESULT}")
@@ -60,7 +60,8 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
 
 
 def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, wanted: str | None) -> str:
-    """The track of a name, or the best of those that have the value; raises ConfigurationError where none has."""
+    """Return the track of a name, or the best of those that have the value; raises ConfigurationError where none
+    has."""
     if wanted is not None and wanted not in tracks:
         raise ConfigurationError(f"{path}: no track {wanted!r}{suggest(wanted, tracks)}")
     among = tracks if wanted is None else {wanted: tracks[wanted]}
@@ -84,7 +85,7 @@ def _width(table: Mapping[str, Any], reference: Reference) -> float:
 
 
 def _pipeline(folder: RunFolder) -> dict[str, Any]:
-    """The tables of the pipeline as run [SI]; raises LogError."""
+    """Return the tables of the pipeline as run [SI]; raises LogError."""
     try:
         return toml_tables(bounded_text(folder.pipeline))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -92,7 +93,7 @@ def _pipeline(folder: RunFolder) -> dict[str, Any]:
 
 
 def _tip(pipeline: Mapping[str, Any], model: str) -> dict[str, Any]:
-    """The tip of a model, named or written out; the only one of the pipeline where the model states none."""
+    """Return the tip of a model, named or written out; the only one of the pipeline where the model states none."""
     stated = pipeline.get("model", {}).get(model, {}).get("indenter")
     tips = pipeline.get("indenter", {})
     if isinstance(stated, str):

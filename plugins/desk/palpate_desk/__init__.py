@@ -12,5 +12,5 @@ from palpate import Command, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """The page of a folder of curves."""
+    """Return the page of a folder of curves."""
     return {"desk": Command("palpate_desk.desk_command:desk", "A folder of curves in the browser.")}

@@ -28,16 +28,16 @@ class Action:
         return " ".join(_words(self, f'"{OUT}"', shlex.quote))
 
     def text_for(self, folder: str) -> str:
-        """The command line for a folder."""
+        """Return the command line for a folder."""
         return " ".join(_words(self, shlex.quote(folder), shlex.quote))
 
     def words(self, folder: str) -> list[str]:
-        """The words of the command for a folder, without ``palpate``."""
+        """Return the words of the command for a folder, without ``palpate``."""
         return list(_words(self, folder, str))[1:]
 
     @classmethod
     def of(cls, text: str) -> Action:
-        """The action of a command line that `text` has written; raises ConfigurationError for any other."""
+        """Return the action of a command line that `text` has written; raises ConfigurationError for any other."""
         try:
             words = shlex.split(text)
         except ValueError as error:
@@ -50,7 +50,7 @@ class Action:
 
 
 def where_curve(name: str) -> str:
-    """The filter words of one curve."""
+    """Return the filter words of one curve."""
     return shlex.join([f"curve={name}"])
 
 

@@ -44,7 +44,8 @@ def demand_allowed(action: Action) -> None:
 
 
 def is_change(action: Action) -> bool:
-    """Whether a command changes marks, settings or fits of a folder, or begins one: what its history consists of."""
+    """Return True if a command changes marks, settings or fits of a folder, or begins one: what its history consists
+    of."""
     given = dict(action.options)
     begins = "--tip" in given and "--pipeline" not in given and given.get("--out") == OUT  # it names no pipeline
     return action.command in ("fit", "repeat review") and (action.source == OUT or begins)
@@ -91,7 +92,7 @@ def _demand_no_file(keys: set[str], said: str) -> None:
 
 
 def _keys_of(value: Any) -> Iterator[str]:
-    """The keys of a value of TOML, at whatever depth."""
+    """Yield the keys of a value of TOML, at whatever depth."""
     if isinstance(value, Mapping):
         yield from value
     inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
@@ -132,7 +133,7 @@ _KNOWN: Mapping[tuple[str, bool], Mapping[str, Callable[[str], None]]] = {  # by
 
 @lru_cache
 def _file_keys() -> frozenset[str]:
-    """Every key of the tables of the page that takes a path, at whatever depth."""
+    """Return every key of the tables of the page that takes a path, at whatever depth."""
     known = registry.load()
     tables: list[type[Settings]] = [AlignmentSettings]
     tables += [known.find(kind, name) for kind in _PARTS for name in known.parts[kind]]
@@ -149,7 +150,7 @@ def _paths_of(settings: type[Settings]) -> Iterator[str]:
 
 
 def _kinds(annotation: Any) -> Iterator[Any]:
-    """An annotation and all that it is made of."""
+    """Yield an annotation and all that it is made of."""
     yield annotation
     for inner in get_args(annotation):
         yield from _kinds(inner)

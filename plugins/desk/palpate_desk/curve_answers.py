@@ -50,7 +50,8 @@ def prepare_process() -> bool:
 
 
 def curve_answer(reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswer:
-    """A curve as it was read, and fitted where that is asked for; one that cannot be has an error and its readings."""
+    """Return a curve as it was read, and fitted where that is asked for; one that cannot be has an error and its
+    readings."""
     key = reader.key(curve.own)
     if fitting:
         try:
@@ -65,7 +66,7 @@ def curve_answer(reader: CurveReader, curve: Curve, fitting: bool) -> CurveAnswe
 
 
 def reader_with_model(reader: CurveReader, model: str) -> CurveReader:
-    """The reader whose curves are fitted with another model on the same tip; raises ConfigurationError."""
+    """Return the reader whose curves are fitted with another model on the same tip; raises ConfigurationError."""
     source = Source(reader.text, Path(reader.path))
     for assignment in reader.overrides:
         source.override(assignment)
@@ -138,7 +139,7 @@ def _readings(reader: CurveReader, curve: Curve) -> tuple[Floats, NDArray[np.flo
 
 
 def _channel(signal: Any) -> str:
-    """The channel of a signal of the alignment, without its device."""
+    """Return the channel of a signal of the alignment, without its device."""
     return str(getattr(signal, "channel", None) or "").rpartition(".")[2]
 
 

@@ -78,7 +78,7 @@ class Desk:
 
     @property
     def changed_outside(self) -> bool:
-        """Whether another program has changed a file since."""
+        """True if another program has changed a file since."""
         return self._stamp != self._signature()
 
     def _signature(self) -> list[tuple[str, int, int]]:
@@ -101,7 +101,7 @@ class Desk:
         return self._readers[name]
 
     def curve(self, name: str) -> Curve:
-        """A curve with its settings, by its name; raises ConfigurationError if it or its file does not exist."""
+        """Return a curve with its settings, by its name; raises ConfigurationError if it or its file does not exist."""
         if name not in self.folder.by_curve:
             raise ConfigurationError(f"no curve {name!r}{suggest(name, self.folder.names)}")
         if not self.folder.file_of(name):
@@ -250,5 +250,5 @@ def run_action(action: Action, path: Path) -> None:
 
 
 def one_curve(name: str) -> Action:
-    """The command that fits one curve again."""
+    """Return the command that fits one curve again."""
     return Action("fit", (("--where", where_curve(name)),))

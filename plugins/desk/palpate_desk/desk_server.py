@@ -207,7 +207,7 @@ class DeskServer:
                     self._draw(page, answer, question.number)
 
     async def _curve(self, name: str) -> CurveAnswer:
-        """A curve as its row has it: modelled where the row is current, else as it was read."""
+        """Return a curve as its row has it: modelled where the row is current, else as it was read."""
         key = self.desk.folder.key(self.desk.curve(name).name)
         current = not self._is_left(name)
         if (known := self._kept.get((name, key if current else ""))) is not None:
@@ -216,7 +216,7 @@ class DeskServer:
         return await self._fitted(name) if current else await self._computed(name, False)
 
     def _is_left(self, name: str) -> bool:
-        """Whether a curve has no row by its present settings."""
+        """Return True if a curve has no row by its present settings."""
         return any(row.state != "current" for row in self.desk.folder.rows_of(name))
 
     async def _fitted(self, name: str) -> CurveAnswer:

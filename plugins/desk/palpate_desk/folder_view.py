@@ -69,7 +69,7 @@ def _row(row: CurveRow, units: dict[str, str], newtons: float) -> dict[str, Any]
 
 
 def folder_message(desk: Desk) -> dict[str, Any]:
-    """All that the page shows of a folder."""
+    """Return all that the page shows of a folder."""
     folder, known = desk.folder, registry.load()
     tables = tomllib.loads(folder.settings_text())
     meanings = {
@@ -99,7 +99,7 @@ def _first_group(folder: FitFolder) -> str:
 
 
 def _tip(tables: dict[str, Any]) -> str:
-    """The tip as ``--tip`` takes it."""
+    """Return the tip as ``--tip`` takes it."""
     tip: dict[str, Any] = next(iter(tables.get("indenter", {}).values()), {})
     if tip.get("type") == "sphere":  # in words a ball; that of a pipeline is a paraboloid
         tip = {"type": "paraboloid", "curvature_radius": tip["radius"]}
@@ -109,7 +109,7 @@ def _tip(tables: dict[str, Any]) -> str:
 
 
 async def exported(desk: Desk, message: asked.Question) -> dict[str, Any]:
-    """The answer of a command: statistics of groups, models weighed, or what was written into the folder."""
+    """Return the answer of a command: statistics of groups, models weighed, or what was written into the folder."""
     if isinstance(message, asked.GroupsQuestion):
         action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
         found = json.loads(await _output(action, desk))

@@ -54,7 +54,7 @@ class ActionHistory:
             file.write(line.getvalue().encode())
 
     def _whole_lines(self) -> str:
-        """The text without a last line that was torn in writing; raises LogError for what is not a history."""
+        """Return the text without a last line that was torn in writing; raises LogError for what is not a history."""
         if not self.path.is_file():
             return ""
         try:
@@ -85,7 +85,7 @@ class ActionHistory:
 
 
 def _line(command: str) -> str:
-    """The line of a script: a command that the page can make, as it writes it; anything else as a comment."""
+    """Return the line of a script: a command that the page can make, as it writes it; anything else as a comment."""
     try:
         action = Action.of(command)
         demand_allowed(action)

@@ -118,7 +118,7 @@ READING = (CurveQuestion, FilterQuestion, FactsQuestion, GroupsQuestion, Compare
 
 
 def read_message(text: str | bytes) -> Question:
-    """A message of the page; raises ConfigurationError for anything else."""
+    """Return a message of the page; raises ConfigurationError for anything else."""
     try:
         return _MESSAGES.validate_json(text)
     except ValidationError as error:

@@ -61,7 +61,7 @@ def model_inverse(tables: Mapping[str, Any]) -> list[Action]:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML in one line."""
+    """Return a value as TOML in one line."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_text(key)} = {_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
@@ -72,5 +72,5 @@ def _toml(value: Any) -> str:
 
 
 def _text(value: str) -> str:
-    """A text of TOML, of which that of JSON is one but for a character that nobody can type."""
+    """Return a text of TOML, of which that of JSON is one but for a character that nobody can type."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -42,7 +42,7 @@ def palpate_sinks() -> dict[str, str]:
 
 @plugin
 def palpate_facts() -> dict[str, Fact]:
-    """Whether a robot can be driven from here."""
+    """Return True if a robot can be driven from here."""
     return {"robots": Fact("palpate_devices.ur.client_library:robots_here")}
 
 

@@ -37,7 +37,7 @@ class LogFile:
         return len(data)
 
     def tell(self) -> int:
-        """The place [bytes] of what is written next."""
+        """Return the place [bytes] of what is written next."""
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
@@ -65,7 +65,7 @@ class LogFile:
         self._whole = self.tell()
 
     def unmarked(self) -> int:
-        """The bytes since the latest mark."""
+        """Return the bytes since the latest mark."""
         return self.tell() - self._whole
 
     def cut(self) -> None:

@@ -89,7 +89,7 @@ class McapReplay(Recording):
 
     @classmethod
     def playback(cls, path: Path, device: str) -> dict[str, Any]:
-        """A replay of one device's streams; a log that is cut is read as far as it is whole."""
+        """Return a replay of one device's streams; a log that is cut is read as far as it is whole."""
         return {"type": "mcap-replay", "file": str(path), "recorded": device, "accept_cut": True}
 
     @property
@@ -99,7 +99,7 @@ class McapReplay(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Whether the log is cut, or carries no checksums."""
+        """True if the log is cut, or carries no checksums."""
         trouble = (self._log.trouble,) if self._log.trouble else ()
         return (*trouble, *untimed_note(self._feeds, self.file.name))
 
@@ -110,7 +110,7 @@ class McapReplay(Recording):
 
     @property
     def simulated(self) -> bool:
-        """Whether the run that recorded it had a simulated device, by the pipeline that the log carries."""
+        """True if the run that recorded it had a simulated device, by the pipeline that the log carries."""
         documents = self.attached(self.file).documents
         name = pipeline_among(documents)
         return name is not None and _has_simulation(documents[name])
@@ -180,7 +180,7 @@ class McapReplay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """A file that is named like an MCAP log."""
+        """Return a file that is named like an MCAP log."""
         return path.is_file() and path.suffix.lower() == ".mcap"
 
     @classmethod
@@ -210,7 +210,7 @@ class McapReplay(Recording):
 
 
 def _usable(topic: Topic) -> _Usable | None:
-    """A topic as a stream if it is a header, or nothing, followed by float64 numbers."""
+    """Return a topic as a stream if it is a header, or nothing, followed by float64 numbers."""
     if (topic.encoding, topic.schema_encoding) != ("cdr", "ros2msg"):
         return None
     kind = message_type(topic.type, topic.schema.decode(errors="replace"))

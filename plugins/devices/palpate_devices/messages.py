@@ -84,7 +84,7 @@ UNITS = {
 
 
 def numbers_type(name: str, fields: Sequence[str]) -> MessageType:
-    """A type of our own, ``palpate_msgs/msg/NAME``: a header and one float64 for each field."""
+    """Return a type of our own, ``palpate_msgs/msg/NAME``: a header and one float64 for each field."""
     body = "\n".join(["std_msgs/Header header", *(f"float64 {field}" for field in fields)])
     return MessageType(f"palpate_msgs/msg/{name}", _composed(body), tuple(fields))
 
@@ -97,7 +97,7 @@ def joint_type(channels: Sequence[str]) -> MessageType:
 
 
 def message_type(schema_name: str, definition: str) -> MessageType | None:
-    """The type of a recorded schema if it is of this family, else None."""
+    """Return the type of a recorded schema if it is of this family, else None."""
     parts = schema_name.split("/")
     name = f"{parts[0]}/msg/{parts[-1]}"  # schema names come with and without /msg/
     for standard in STANDARD.values():
@@ -122,7 +122,7 @@ def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[s
 def pack_messages(
     stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()
 ) -> NDArray[np.uint8]:
-    """The messages of `pack` in one array (n, bytes)."""
+    """Return the messages of `pack` in one array (n, bytes)."""
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))
     column(messages, 4, "<i4")[:], column(messages, 8, "<u4")[:] = stamps // _SECOND, stamps % _SECOND
@@ -136,7 +136,7 @@ def pack_messages(
 
 @cache
 def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, tuple[tuple[int, int], ...]]:
-    """A message whose stamp and numbers are 0, and the runs of its numbers: offset and how many."""
+    """Return a message whose stamp and numbers are 0, and the runs of its numbers: offset and how many."""
     data = bytearray(_LITTLE_ENDIAN + bytes(8))
     runs = []
 

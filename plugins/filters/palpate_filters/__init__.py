@@ -48,13 +48,13 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_facts() -> dict[str, Fact]:
-    """The facts that this family adds to `palpate info`: the kernel that runs the filters."""
+    """Return the facts that this family adds to `palpate info`: the kernel that runs the filters."""
     return {"kernel": Fact("palpate_kit.kernel:kernel_description")}
 
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """The bias of filters by their own noise."""
+    """Return the bias of filters by their own noise."""
     # Only a bias that counts against the combined uncertainty is stated.
     terms = ("readings", "budget", "thickness", "late-force", "self-timed", "force-across")
     return {"noise-bias": Diagnosis("palpate_filters.bias_diagnosis:diagnose_bias", after=terms)}
@@ -62,13 +62,13 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_templates() -> dict[str, Template]:
-    """The parts of a pipeline besides its log."""
+    """Return the parts of a pipeline besides its log."""
     return {"log-analysis": Template("palpate_filters", "templates/log_analysis.toml", "tip, model and estimators")}
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """The meanings of the flags of filters."""
+    """Return the meanings of the flags of filters."""
     from palpate_filters.flags import FILTER_FLAGS
 
     return FILTER_FLAGS

@@ -20,7 +20,7 @@ Directions = tuple[Floats, float, float]  # of `sigma_directions`
 def linearised(
     process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
 ) -> PredictedState:
-    """The extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F."""
+    """Return the extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F."""
     import casadi as ca
 
     slope = _force_slope(process, mean)
@@ -36,7 +36,8 @@ def linearised(
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
-    """The unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in filterpy."""
+    """Return the unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in
+    filterpy."""
 
     def predict(
         process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any

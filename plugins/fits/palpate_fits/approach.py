@@ -41,7 +41,7 @@ class SurfaceByForce:
 
 
 def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
-    """The first approach with enough air before it; None where the record has no such thing."""
+    """Return the first approach with enough air before it; None where the record has no such thing."""
     known = np.isfinite(samples.force) & (course.cycle <= 1)
     touched = int(np.argmax(samples.contact))
     deepest = np.where(known[touched:] & samples.contact[touched:], samples.position[touched:], np.inf).argmin()
@@ -56,7 +56,7 @@ def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
 
 
 def _ended(approach: Approach) -> Approach:
-    """The approach with its air ending where contact begins, which a threshold passes later.
+    """Return the approach with its air ending where contact begins, which a threshold passes later.
 
     A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
     still near its noise, as only there the law of a change point is good for every tip.

@@ -12,7 +12,8 @@ from palpate_fits.unknowns import Unknowns
 
 
 def in_order(model: ContactModel, unknowns: Unknowns, solution: Solution) -> Solution:
-    """The same minimum with the model's interchangeable parameters in rising order, unless a user named one of them."""
+    """Return the same minimum with the model's interchangeable parameters in rising order, unless a user named one
+    of them."""
     places = list(range(len(solution.x)))
     order = places_in_order(model, solution.x)
     if order == places[: len(order)] or not _alike(model, unknowns):
@@ -33,7 +34,8 @@ def places_in_order(model: ContactModel, theta: Floats) -> list[int]:
 
 
 def _alike(model: ContactModel, unknowns: Unknowns) -> bool:
-    """Whether nothing distinguishes the groups: all free, with the same bounds, and started nowhere in particular."""
+    """Return True if nothing distinguishes the groups: all free, with the same bounds, and started nowhere in
+    particular."""
     for places in zip(*model.interchangeable, strict=True):
         items = [unknowns.items[place] for place in places]
         if not all(item.free and item.value is None for item in items):

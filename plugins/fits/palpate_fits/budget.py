@@ -122,5 +122,5 @@ class FitSensitivity:
 
 
 def open_row(source: str, unit: str, sensitivities: Mapping[str, float]) -> BudgetRow:
-    """The row of a source whose uncertainty nobody has stated."""
+    """Return the row of a source whose uncertainty nobody has stated."""
     return BudgetRow(source, None, unit, {name: Effect(slope, None, None) for name, slope in sensitivities.items()})

@@ -17,7 +17,7 @@ _TOGETHER = 64  # curves that a worker is given at once: what a scheduler costs 
 
 
 def on_workers(address: str, folder: Path, reader: CurveReader, curves: Iterable[Curve]) -> Iterator[list[Row]]:
-    """The rows of every curve, as they are ready, from workers that see the folder and the curves' files.
+    """Yield the rows of every curve, as they are ready, from workers that see the folder and the curves' files.
 
     Where a portion of curves has killed its workers, each of them is fitted alone; one that kills them again is
     reported and skipped. Raises ConfigurationError where nobody answers or the workers are not as here, and UserError

@@ -14,7 +14,8 @@ from palpate_kit.curves.curve_list import is_list
 
 
 def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:
-    """Every file that the reader recognises, of folders in the order of their names; raises ConfigurationError."""
+    """Yield every file that the reader recognises, of folders in the order of their names; raises
+    ConfigurationError."""
     recognises = getattr(reader, "recognises", Path.is_file)
     found = 0
     for source in sources:
@@ -31,7 +32,7 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
 
 
 def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
-    """The curves of logs: a new one begins wherever a channel changes; one is held in memory at a time.
+    """Yield the curves of logs: a new one begins wherever a channel changes; one is held in memory at a time.
 
     Raises ConfigurationError where a log has no such channel, or several streams.
     """

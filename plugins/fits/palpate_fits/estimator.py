@@ -26,7 +26,8 @@ class CasadiFit(FitSettings):
     """
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker that needs the whole record at once; raises ConfigurationError where the settings contradict."""
+        """Return a tracker that needs the whole record at once; raises ConfigurationError where the settings
+        contradict."""
         from palpate_fits.tracker import FitTracker
 
         windows, wanted = parse_segment(self.segment), self.unknowns or ()

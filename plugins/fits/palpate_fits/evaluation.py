@@ -66,7 +66,7 @@ def _refit(log: LogFit, track: Any, changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def each_cycle(log: LogFit) -> Iterable[dict[str, Any]]:
-    """Every cycle of a log fitted by itself."""
+    """Yield every cycle of a log fitted by itself."""
     for name, result in log.fitted.items():
         track = _track(log, name)
         if "segment" not in type(track.estimator).model_fields:

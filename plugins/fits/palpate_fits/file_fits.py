@@ -118,7 +118,7 @@ def _source_files(sources: Sequence[Path], stated: StatedFacts) -> SourceFiles:
 
 
 def _groups(files: Sequence[LogPart], facts: FileFacts, asked: FitRequest) -> tuple[FileGroups, FileFacts]:
-    """The files by how they are read; on a terminal with what was answered to all questions about them."""
+    """Return the files by how they are read; on a terminal with what was answered to all questions about them."""
     asking = is_asking() and not asked.as_json
     answered: set[FileQuestion] = set()
     certain: dict[LogPart, Suggestion] = {}
@@ -151,7 +151,7 @@ def _listed(out: Path | None, files: SourceFiles, groups: FileGroups, facts: Fil
 
 
 def _in_folder(pipeline: Pipeline, place: Path | None) -> Pipeline:
-    """The pipeline with the folder of its curves, where all are of one."""
+    """Return the pipeline with the folder of its curves, where all are of one."""
     return replace(pipeline, run=pipeline.run.model_copy(update={"curves": place}))
 
 
@@ -167,7 +167,7 @@ def _fitted_files(path: Path, files: SourceFiles, groups: FileGroups, named: Ent
 
 
 def _command(asked: FitRequest, stated: StatedFacts) -> str:
-    """The command line that fits the same files, but for its folder."""
+    """Return the command line that fits the same files, but for its folder."""
     facts = stated.facts.model_dump(include=set(stated.of_options))
     words = ["palpate", "fit", *(_no_option(str(source)) for source in asked.sources)]
     words += [word for key, text in facts.items() for word in (option_of(key), str(text))]

@@ -139,7 +139,7 @@ def _file_group(
 
 
 def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
-    """The sheets and tables that are not records, unlike others of the same file: named, and left out."""
+    """Return the sheets and tables that are not records, unlike others of the same file: named, and left out."""
     files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
     return [f"{name} is not a record, and left out: {refused.pop(name)}" for name in beside]
@@ -185,7 +185,8 @@ def _parts(tip: dict[str, Any], model: str, known: Registry) -> dict[str, Any]:
 
 
 def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated: Mapping[str, str]) -> dict[str, Any]:
-    """The tables of the pipeline; units, delays and tare that neither file nor user states are assumed, and flagged."""
+    """Return the tables of the pipeline; units, delays and tare that neither file nor user states are assumed, and
+    flagged."""
     roles = [role for role in _TIMED if role in suggestion.alignment]
     timed = any(f"alignment.{role}.{key}" in stated for role in roles for key in ("delay", "uncertainty"))
     assumed = ["alignment.tare"] if "alignment.tare" not in stated else []
@@ -204,7 +205,7 @@ def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated
 
 
 def with_overrides(group: FileGroup, overrides: Sequence[str]) -> FileGroup:
-    """The group with other overrides of its pipeline; raises ConfigurationError."""
+    """Return the group with other overrides of its pipeline; raises ConfigurationError."""
     return replace(group, pipeline=_built(group.text, group.path, overrides))
 
 

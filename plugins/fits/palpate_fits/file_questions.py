@@ -31,7 +31,7 @@ class FileQuestion:
 
 
 def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQuestion | None:
-    """The first thing that only a person knows of a file; None if nothing is missing."""
+    """Return the first thing that only a person knows of a file; None if nothing is missing."""
     for text in suggestion.blanks:
         key, _, about = text.partition(": ")
         if f"{_READER}{key}" in stated:

@@ -33,7 +33,7 @@ _DETAILS = {"rms": ("RMS\nN", ".3g"), "prediction": ("predicted\nwithin", ".1%")
 
 
 def is_usable(row: Row) -> bool:
-    """Whether a row has values that are not refused, the first that is shown of them among these."""
+    """Return True if a row has values that are not refused, the first that is shown of them among these."""
     named = [key for key in row if key.endswith("_verdict")]
     first = next((key for name in _SHOWN if (key := f"{name}_verdict") in named), next(iter(named), "verdict"))
     return not row.get("error") and "invalid" not in (row.get("verdict"), row.get(first))

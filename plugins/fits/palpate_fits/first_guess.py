@@ -130,7 +130,8 @@ def _least(squares: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def _solved(square: Floats, unknowns: Unknowns, base: Floats, linear: Sequence[int]) -> Guess:
-    """The best values of the linear unknowns, within bounds, by [r, J]^T [r, J] (1 + p, 1 + p) where they are 0."""
+    """Return the best values of the linear unknowns, within bounds, by [r, J]^T [r, J] (1 + p, 1 + p) where they are
+    0."""
     scale = np.sqrt(np.maximum(square.diagonal(), 1e-300))
     unit = square / (scale[:, None] * scale)
     low, high = (edge * scale[1:] / scale[0] for edge in unknowns.bounds(linear))
@@ -163,7 +164,7 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
 
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:
-    """The best values of the linear unknowns with the others given, within bounds, and their cost."""
+    """Return the best values of the linear unknowns with the others given, within bounds, and their cost."""
     rows, memory = list(record.parts), (0.0,) * len(model.memory)
     base = x.copy()
     base[list(linear)] = 0.0
@@ -213,7 +214,7 @@ def solve_scaled(
     linear: Sequence[int],
     moduli: Sequence[int],
 ) -> Guess:
-    """The best scale of some moduli and values of the linear unknowns with the others given, and their cost."""
+    """Return the best scale of some moduli and values of the linear unknowns with the others given, and their cost."""
     base, rows = x.copy(), list(record.parts)
     base[list(linear)] = 0.0
     twice = base.copy()

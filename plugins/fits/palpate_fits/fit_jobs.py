@@ -57,7 +57,7 @@ def _log_fit(name: str, pipeline: Pipeline, outcome: Outcome) -> LogFit | Palpat
 
 
 def fit_or_find(job: Job, pictures: bool) -> RunAnswer:
-    """The fits of a log with its samples; found where an earlier attempt has made them. Raises UserError."""
+    """Return the fits of a log with its samples; found where an earlier attempt has made them. Raises UserError."""
     pipeline = job.pipeline()
     if (found := cached_result(job)) is not None:
         return RunAnswer(found, _samples(job.name, pipeline))
@@ -75,7 +75,7 @@ def fit_or_find(job: Job, pictures: bool) -> RunAnswer:
 
 
 def _samples(name: str, pipeline: Pipeline) -> Samples:
-    """The samples of a log, without any estimates."""
+    """Return the samples of a log, without any estimates."""
     kept = SampleObserver()
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder, progress(name, "s"):
         reading = replace(pipeline, tracks=(), sinks={})

@@ -30,7 +30,8 @@ def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError])
 def named_pipelines(
     sources: Sequence[Path], reader: Path | None, overrides: list[str], failures: dict[str, PalpateError]
 ) -> list[tuple[str, Pipeline]]:
-    """Every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of its own."""
+    """Return every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of
+    its own."""
     found: list[tuple[str, Pipeline]] = []
     taken: set[str] = set()
     stated: list[StatedFacts] = []
@@ -52,7 +53,7 @@ def named_pipelines(
 
 
 def _pipeline(source: Path, reader: Path | None, overrides: list[str], stated: list[StatedFacts]) -> Pipeline:
-    """The pipeline of a source; `stated` takes the facts of a file that are stated next to it."""
+    """Return the pipeline of a source; `stated` takes the facts of a file that are stated next to it."""
     if not source.exists():
         raise ConfigurationError(f"{source}: no such file")
     if source.suffix == ".toml":
@@ -82,7 +83,7 @@ def _of_fit_folder(source: Path, reader: Path, record: str | None) -> tuple[str,
 
 
 def _carried(log: Path, overrides: list[str]) -> Pipeline:
-    """The pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
+    """Return the pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
     carried = read_run_log(log)
     if carried is None:
         asked = f"say its tip, as in palpate fit {log} --tip 'sphere 3 mm', or say with --pipeline FILE what reads it"
@@ -104,7 +105,7 @@ def _with_fit(carried: RunLog, overrides: list[str]) -> Source:
 
 
 def log_device(pipeline: Pipeline, path: Path) -> str:
-    """The one device that has a file; raises ConfigurationError if it has none or several."""
+    """Return the one device that has a file; raises ConfigurationError if it has none or several."""
     logs = [name for name, device in pipeline.devices.items() if "file" in type(device).model_fields]
     if len(logs) != 1:
         raise ConfigurationError(f"{path}: --pipeline needs one device with a file, and this has {len(logs)}")

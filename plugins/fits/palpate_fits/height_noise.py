@@ -36,7 +36,7 @@ def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) 
 
 
 def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> Solution:
-    """The minimum without what the noise of the height has taken from it (errors in variables).
+    """Return the minimum without what the noise of the height has taken from it (errors in variables).
 
     With noise of standard deviation s on every height z_j the sum of squares grows by s^2 sum (dr_i/dz_j)^2, which a
     softer material makes smaller. So this solves J^T r = s^2 sum dr_i/dz_j d(dr_i/dz_j)/dtheta (Fuller

@@ -52,7 +52,7 @@ def solve_from_many(
     x: Floats,
     loss: LossFunction,
 ) -> Solution:
-    """The best minimum from a grid of relaxation times, the other unknowns fitted for each of them first.
+    """Return the best minimum from a grid of relaxation times, the other unknowns fitted for each of them first.
 
     The grid is searched on a coarser record; the best few are followed to their minimum on the whole one.
     """
@@ -79,7 +79,8 @@ def solve_or_try_others(
     x: Floats,
     loss: LossFunction,
 ) -> Solution:
-    """The minimum from one start; where that leads to none, the best from viscosities ten times smaller and larger."""
+    """Return the minimum from one start; where that leads to none, the best from viscosities ten times smaller and
+    larger."""
     residual = residual_of(tuple(unknowns.free))
     found = solve_trf(residual, unknowns, record, x, loss)
     places = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
@@ -98,7 +99,7 @@ def solve_or_try_others(
 def solve_from_each(
     residual: Residual, unknowns: Unknowns, record: FitRecord, starts: Sequence[Floats], loss: LossFunction
 ) -> list[Solution]:
-    """The minima near some starts, the least first; raises NotFitted without any."""
+    """Return the minima near some starts, the least first; raises NotFitted without any."""
     found = [solve_lm(residual, unknowns, record, x, loss, gain=1e-9) for x in starts]
     found = sorted((one for one in found if np.isfinite(one.cost)), key=lambda one: one.cost)
     if not found:
@@ -114,7 +115,7 @@ def rivals(
     minima: Sequence[Solution],
     loss: LossFunction,
 ) -> Iterator[Flag]:
-    """A note on values that are others at another minimum which describes a record as well.
+    """Yield a note on values that are others at another minimum which describes a record as well.
 
     As well is what three standard deviations of the residual allow, and what the model's law may itself be off.
     """
@@ -148,7 +149,7 @@ def _grid(unknowns: Unknowns, place: int, record: FitRecord) -> Sequence[float]:
 
 
 def _coarse(record: FitRecord) -> FitRecord:
-    """Every so many samples of a record, with intervals and samples before as they then are."""
+    """Return every so many samples of a record, with intervals and samples before as they then are."""
     step = -(-len(record) // _SAMPLES)
     if step == 1:
         return record

@@ -21,7 +21,8 @@ _MOST = 24  # groups that are shown
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
-    """The pattern of ``--by``; raises ConfigurationError where it is not a pattern, or has no group in brackets."""
+    """Return the pattern of ``--by``; raises ConfigurationError where it is not a pattern, or has no group in
+    brackets."""
     try:
         pattern = re.compile(text)
     except re.error as error:
@@ -47,7 +48,7 @@ def groups_of(files: Sequence[LogPart], sources: Sequence[Path], by: str | None,
 
 
 def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: re.Pattern[str]) -> Entries:
-    """The groups of each file whose name, as seen from the folder that was given, has the pattern.
+    """Return the groups of each file whose name, as seen from the folder that was given, has the pattern.
 
     Raises ConfigurationError where none has.
     """
@@ -63,13 +64,13 @@ def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: r
 
 
 def _name(file: LogPart, sources: Sequence[Path]) -> str:
-    """A file as seen from the folder that was given, with its record."""
+    """Return a file as seen from the folder that was given, with its record."""
     folder = next((source for source in sources if source in file.path.parents), file.path.parent)
     return str(LogPart(file.path.relative_to(folder), file.part))
 
 
 def group_table(rows: Sequence[Row], groups: Mapping[str, Mapping[str, str]], pipeline: Pipeline) -> Table:
-    """How many curves each group has, and median and quartiles of their values."""
+    """Return how many curves each group has, and median and quartiles of their values."""
     of_group: dict[str, list[Row]] = {}
     for row in rows:
         of_group.setdefault(" ".join(groups.get(row["curve"], {}).values()).strip() or "none", []).append(row)

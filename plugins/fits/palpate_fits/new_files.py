@@ -82,7 +82,8 @@ def _prefix(folder: FitFolder, place: Path) -> str:
 
 
 def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, known: Registry) -> str:
-    """The dialect in which a file is written, a new one where it matches none of the others; raises UserError."""
+    """Return the dialect in which a file is written, a new one where it matches none of the others; raises
+    UserError."""
     other: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone
@@ -108,7 +109,8 @@ def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, known: Registry)
 
 
 def _choices(device: Mapping[str, Any]) -> dict[str, str]:
-    """The choices that make a file be read as by a device: its columns, their units and the rate, or its signals."""
+    """Return the choices that make a file be read as by a device: its columns, their units and the rate, or its
+    signals."""
     if "signals" in device:
         signals = device["signals"]
         return {role: f"{signals[role]['topic']}:{_field(signals[role])}" for role in ROLES if role in signals}
@@ -121,14 +123,14 @@ def _choices(device: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _field(signal: Mapping[str, Any]) -> str:
-    """A number of a topic as a choice names it: of a child frame that frame."""
+    """Return a number of a topic as a choice names it: of a child frame that frame."""
     if "select" in signal:
         return str(signal["select"])
     return f"{signal['field']}[{signal['index']}]" if "index" in signal else str(signal["field"])
 
 
 def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggestion) -> Pipeline:
-    """The pipeline of a dialect with another device, and what its record suggests where nobody has stated it."""
+    """Return the pipeline of a dialect with another device, and what its record suggests where nobody has stated it."""
     left_out = _PLACES if "alignment.tare" not in tables["run"].get("assumed", ()) else (*_PLACES, *_OF_RECORD)
     alignment = {key: value for key, value in tables["alignment"].items() if key not in left_out}
     for key, value in suggestion.alignment.items():

@@ -132,7 +132,7 @@ class ProfileIntervals:
         return None
 
     def _descend(self, start: Floats, held: tuple[int, float] | None) -> tuple[Floats, float]:
-        """The minimum and its cost, one unknown held."""
+        """Return the minimum and its cost, one unknown held."""
         at = start.copy()
         moving = [i for i in range(len(at)) if held is None or i != held[0]]
         if held is not None:

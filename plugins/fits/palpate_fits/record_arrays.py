@@ -79,7 +79,7 @@ class FitRecord:
         )
 
     def with_force(self, force: Floats) -> FitRecord:
-        """The same motion with another force (n,) [N]."""
+        """Return the same motion with another force (n,) [N]."""
         return replace(self, force=force)
 
     def displaced(self, step: Floats, rate_step: Floats) -> FitRecord:
@@ -116,7 +116,7 @@ def make_record(
     remembers: bool = True,
     smooth: tuple[Floats, int] | None = None,
 ) -> FitRecord:
-    """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` needs.
+    """Return a record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` needs.
 
     It remembers the motion by `smooth`: heights (n,) [m], and of how many samples each is made; left out: the heights
     as they are. Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where

@@ -171,7 +171,7 @@ def _budget(fit: FitOutcome, found: FitSensitivity, residual: ResidualScatter) -
 
 
 def _of_rounding(fit: FitOutcome, residual: ResidualScatter) -> Iterator[Term]:
-    """The last digit of the force, where it exceeds the noise: one error q/sqrt(12) for each plateau of readings.
+    """Yield the last digit of the force, where it exceeds the noise: one error q/sqrt(12) for each plateau of readings.
 
     Errors of plateaus hardly show in the residual of a hold, which has one of them.
     """
@@ -318,7 +318,7 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
 
 
 def _is_none(fit: FitOutcome, place: int) -> bool:
-    """Whether a viscosity or damping is at 0, its lower bound: the record shows none of it."""
+    """Return True if a viscosity or damping is at 0, its lower bound: the record shows none of it."""
     parameters = fit.problem.model.parameters
     return place < len(parameters) and parameters[place].role == "viscous" and fit.solution.x[place] <= 0.0
 

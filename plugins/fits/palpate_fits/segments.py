@@ -31,7 +31,7 @@ class Window:
 
 
 def parse_segment(text: str) -> tuple[Window, ...]:
-    """The windows of a text such as "load, depth 0 mm..2 mm"; raises ConfigurationError."""
+    """Return the windows of a text such as "load, depth 0 mm..2 mm"; raises ConfigurationError."""
     return tuple(_parse_one(part.strip(), text) for part in text.split(","))
 
 
@@ -75,7 +75,7 @@ class RecordCourse:
 
 
 def passage(samples: Samples) -> RecordCourse:
-    """The course of a record; raises NotFitted where the tip never touches or the force is not a signal."""
+    """Return the course of a record; raises NotFitted where the tip never touches or the force is not a signal."""
     known = np.isfinite(samples.force)
     if not known.any():
         raise NotFitted("no-force", "the record has no force")

@@ -27,12 +27,12 @@ Ask = Callable[[str], str]
 
 
 def is_asking() -> bool:
-    """Whether a person can answer."""
+    """Return True if a person can answer."""
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 def prompt(text: str) -> str:
-    """The answer to a question on the terminal; raises ConfigurationError without an answer."""
+    """Return the answer to a question on the terminal; raises ConfigurationError without an answer."""
     try:
         answer = typer.prompt(printable(text), default="", show_default=False, prompt_suffix=" ", err=True)
     except (EOFError, typer.Abort) as error:
@@ -41,7 +41,7 @@ def prompt(text: str) -> str:
 
 
 def ask_fact(stated: StatedFacts, key: str, effect: str, ask: Ask) -> StatedFacts:
-    """A fact asked until the answer is one; an empty one leaves it open."""
+    """Return a fact asked until the answer is one; an empty one leaves it open."""
     question, example = question_of(key)
     return _asked(stated, f'{question} As in "{example}" [Enter: {effect}]', lambda answer: {key: answer}, ask)
 
@@ -79,7 +79,7 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
 
 
 def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[str, Any]:
-    """The facts of an answer; raises ConfigurationError where it is not one of the choices."""
+    """Return the facts of an answer; raises ConfigurationError where it is not one of the choices."""
     if question.choices and answer not in question.choices:
         raise ConfigurationError(f"{answer}: is not one of {', '.join(question.choices)}")
     if question.key == "columns":
@@ -112,7 +112,7 @@ def _is_open(stated: StatedFacts, key: str) -> bool:
 
 
 def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenFact]:
-    """The open facts of the first curves that can be fitted; of none, what a contact is found by."""
+    """Return the open facts of the first curves that can be fitted; of none, what a contact is found by."""
     tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
@@ -141,7 +141,7 @@ def keep_answers(stated: StatedFacts) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """A value as TOML holds it; a list of one is the one, within a table."""
+    """Return a value as TOML holds it; a list of one is the one, within a table."""
     if isinstance(value, dict):
         return {
             key: item[0] if isinstance(item, tuple) and len(item) == 1 else _plain(item) for key, item in value.items()

@@ -32,7 +32,7 @@ class Solution:
 
 
 def descend(residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction) -> Solution:
-    """The minimum near a start, by the fastest solver for the model."""
+    """Return the minimum near a start, by the fastest solver for the model."""
     solve = solve_trf if residual.model.memory else solve_lm
     return solve(residual, unknowns, record, x, loss)
 

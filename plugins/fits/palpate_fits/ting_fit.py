@@ -63,7 +63,7 @@ class TingFit(Estimator):
     smoothing: Time = Field(default=0.02, gt=0, description="window of the local cubic for depth and acceleration")
 
     def start(self, problem: Problem) -> Tracker:
-        """A tracker of a whole record; raises ConfigurationError for a model without a relaxation modulus."""
+        """Return a tracker of a whole record; raises ConfigurationError for a model without a relaxation modulus."""
         names = {parameter.name: parameter for parameter in problem.model.parameters}
         values = {}
         for key, table in (("fixed", self.fixed), ("first_guess", self.first_guess)):
@@ -146,7 +146,7 @@ class _TingTracker:
         return self._told(samples, rows, idle, (values(found.x), first + unit * float(found.x[count])), found, unit)
 
     def _started(self, modelled: Any, force: Floats, count: int) -> Floats:
-        """The first guess, with all that is a modulus or a viscosity scaled to the force of the record."""
+        """Return the first guess, with all that is a modulus or a viscosity scaled to the force of the record."""
         x = np.append(np.log(self._begin[self._free]), 0.0)
         shape = modelled(x)
         scale = float(shape @ force) / max(float(shape @ shape), 1e-300)

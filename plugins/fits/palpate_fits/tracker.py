@@ -83,7 +83,7 @@ class FitTracker:
             return replace(idle, flags=(refusal.flag,))
 
     def fit(self, samples: Samples) -> FitOutcome:
-        """The fit of a record; raises NotFitted where it cannot be done."""
+        """Return the fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         begins_in_contact = cache(partial(self._begins_in_contact, samples))
         is_without_air = self._problem.force_zero != "air" and begins_in_contact()
@@ -160,7 +160,7 @@ class FitTracker:
 
     @property
     def _may_find_zero(self) -> bool:
-        """Whether the settings leave it to the record whether the zero of the force is an unknown."""
+        """True if the settings leave it to the record whether the zero of the force is an unknown."""
         return self._settings.unknowns is None and "bias" not in self._settings.fixed
 
     def _prepared(
@@ -170,7 +170,8 @@ class FitTracker:
         by_force: SurfaceByForce,
         notes: list[Flag],
     ) -> Unknowns:
-        """The unknowns with what only the record can say: whether it determines the bias, where the surface may be."""
+        """Return the unknowns with what only the record can say: whether it determines the bias, where the surface
+        may be."""
         settings, unknowns = self._settings, self._unknowns
         if self._may_find_zero and self._problem.force_zero == "open" and samples.contact[0]:
             unknowns = self._biased

@@ -178,7 +178,7 @@ def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) 
 
 @cache
 def _smooth_length(least: int) -> int:
-    """The least 2^a 3^b 5^c from `least` on, over which a Fourier transform is fast."""
+    """Return the least 2^a 3^b 5^c from `least` on, over which a Fourier transform is fast."""
     best = 1 << max(least - 1, 1).bit_length()
     five = 1
     while five < best:

@@ -27,7 +27,7 @@ class FitUnknown:
     value: float | None = None  # fixed value, or a first guess
 
     def inside(self, value: float) -> float:
-        """The nearest value within the bounds."""
+        """Return the nearest value within the bounds."""
         return float(min(max(value, self.lower), self.upper))
 
 
@@ -56,7 +56,7 @@ class Unknowns:
         return np.array([self.items[i].lower for i in places]), np.array([self.items[i].upper for i in places])
 
     def changed(self, name: str, **changes: Any) -> Unknowns:
-        """The same with another setting of one."""
+        """Return the same with another setting of one."""
         place = self.index(name)
         item = replace(self.items[place], **changes)
         return Unknowns((*self.items[:place], item, *self.items[place + 1 :]))
@@ -69,7 +69,7 @@ def unknowns_of(
     guesses: Mapping[str, Any],
     bounds: Mapping[str, tuple[Any, Any]],
 ) -> Unknowns:
-    """The unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
+    """Return the unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
     limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
     limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}

@@ -61,7 +61,7 @@ def fit_logs(
 
 
 def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
-    """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
+    """Return the folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
 
     What is found is written down log by log. Raises UserError where no log was fitted.
     """
@@ -93,7 +93,7 @@ def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path,
 
 
 def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
-    """A new folder, or one that holds fits of none but these logs; raises OutputError."""
+    """Return a new folder, or one that holds fits of none but these logs; raises OutputError."""
     if wanted is None or not (wanted / _FIT).is_file():
         folder = make_folder("fit", wanted, datetime.now(UTC).astimezone())
         _write(folder, _document([], [], []))
@@ -152,7 +152,7 @@ def _write(folder: Path, document: dict[str, Any]) -> None:
 
 
 def _document(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
-    """The contents of ``fit.json``."""
+    """Return the contents of ``fit.json``."""
     tables = {log.name: {"folder": str(log.result.folder), **log.result.table()} for log in logs}
     document: dict[str, Any] = finite_tree({"logs": tables, "evaluation": crossed, "cycles": cycles})
     return document

@@ -60,7 +60,7 @@ class StickingLaw:
 def law_that_sticks(
     law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit, *, tilt: bool
 ) -> StickingLaw | None:
-    """The theory of a sphere that explains a way in better than the law without adhesion; None where none does.
+    """Return the theory of a sphere that explains a way in better than the law without adhesion; None where none does.
 
     Sought only where the residual of the `plain` fit hangs together, so that something is not in its law.
     """
@@ -85,7 +85,7 @@ def law_that_sticks(
 
 
 def pull_off(retract: Branch, noise: float) -> PullOff | None:
-    """The pull of a way out; None if none exceeds the noise, or without air behind to compare it with."""
+    """Return the pull of a way out; None if none exceeds the noise, or without air behind to compare it with."""
     count = len(retract)
     air = retract.force[-max(count // 20, 10) :]
     level, scatter = float(np.median(air)), max(float(air.std(ddof=1)), noise)
@@ -98,13 +98,13 @@ def pull_off(retract: Branch, noise: float) -> PullOff | None:
 
 
 def theories(retract: Branch, approach: CurveFit, pull: PullOff, radius: float, poisson: float) -> Iterator[Theory]:
-    """The theories that are installed, each fitted to the way out: modulus, work, surface and offset."""
+    """Yield the theories that are installed, each fitted to the way out: modulus, work, surface and offset."""
     for name, model in _theories(radius, poisson).items():
         yield _fitted(name, model, retract, approach, pull, THEORIES[name] * radius)
 
 
 def _theories(radius: float, poisson: float) -> dict[str, Any]:
-    """The theories that are installed, by name."""
+    """Return the theories that are installed, by name."""
     parts = registries.load().parts["model"]
     settings = {"radius": radius, "poisson": poisson}
     return {name: parts[name].part.model_validate(settings) for name in THEORIES if name in parts}

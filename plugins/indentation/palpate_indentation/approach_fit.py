@@ -99,7 +99,8 @@ def fit_curve(
     robust: bool = False,
     viscous: bool = False,
 ) -> CurveFit:
-    """The fit of a branch; viscosity is looked for where `viscous`, and adhesion about that of a law that sticks."""
+    """Return the fit of a branch; viscosity is looked for where `viscous`, and adhesion about that of a law that
+    sticks."""
     columns = _Columns(law, branch, tilt, viscous)
     if law.adhesion:
         columns = _with_adhesion(columns)
@@ -119,7 +120,8 @@ def _search(columns: _Columns, heights: Floats) -> tuple[float, Floats, float]:
 
 
 def _with_adhesion(columns: _Columns) -> _Columns:
-    """The columns with the adhesion of the least sum of squares, by some hundred readings, about that of the law."""
+    """Return the columns with the adhesion of the least sum of squares, by some hundred readings, about that of the
+    law."""
     thin = columns.branch.part(slice(None, None, max(len(columns.branch) // _THIN, 1)))
 
     def of(ratio: float, branch: Branch) -> _Columns:
@@ -192,7 +194,8 @@ def _covariance(jacobian: Floats, left: Floats, robust: bool) -> tuple[Floats, f
 
 
 def correlation_time(residual: Floats) -> float:
-    """How many samples count as one: 1 + 2 sum of autocorrelations, over a window that grows with it (Sokal 1997)."""
+    """Return how many samples count as one: 1 + 2 sum of autocorrelations, over a window that grows with it (Sokal
+    1997)."""
     left = residual - residual.mean()
     power = float(left @ left)
     if power == 0:

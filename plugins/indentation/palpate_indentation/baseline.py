@@ -39,7 +39,7 @@ class BaselineFit:
 
 
 def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt: bool, robust: bool) -> BaselineFit:
-    """The fit with the baseline that the air determines; raises LogError where nothing fits, or without air."""
+    """Return the fit with the baseline that the air determines; raises LogError where nothing fits, or without air."""
     level = fit_curve(law, branch, noise, tilt=False, robust=robust)
     tilted = fit_curve(law, branch, noise, tilt=True, robust=robust) if tilt else None
     if tilted is not None and _sound(tilted) and _begins_in_air(tilted, branch) and _told(law, branch, tilted, level):
@@ -53,7 +53,7 @@ def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt:
 
 
 def force_of(law: ElasticLaw, branch: Branch, fit: CurveFit) -> float:
-    """The largest force [N] that the modulus makes."""
+    """Return the largest force [N] that the modulus makes."""
     return float(np.max(np.abs(fit.modulus * law.geometry(fit.surface - branch.height))))
 
 

@@ -34,7 +34,7 @@ class ContactPointResult:
 
 
 def contact_points(press: Press, fit: CurveFit) -> dict[str, ContactPointResult]:
-    """The surface by every method that finds one; `fit` is that of the model, which is one of them.
+    """Return the surface by every method that finds one; `fit` is that of the model, which is one of them.
 
     By force alone: a threshold of 5 sigma, a smoothed force 3 sigma off its baseline, a tenth of the steepest rise; a
     two-piece law with the power 1.5; a line that goes over into a parabola; the largest ratio of variances behind and
@@ -81,7 +81,7 @@ def _by_change_point(press: Press, force: Floats) -> ContactPoint | None:
 
 
 def _by_parabola(press: Press, force: Floats) -> ContactPoint | None:
-    """A constant, then slope and curvature that are not negative; by least squares over where they begin."""
+    """Return a constant, then slope and curvature that are not negative; by least squares over where they begin."""
     height = press.approach.height
     low, high = float(height.min()), float(height.max())
     best: tuple[float, float, Floats] | None = None

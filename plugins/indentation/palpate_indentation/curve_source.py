@@ -46,7 +46,7 @@ class WholeCurve:
 
 
 def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> WholeCurve:
-    """The samples of a pipeline file, run folder or log, and one of its contact models; raises UserError."""
+    """Return the samples of a pipeline file, run folder or log, and one of its contact models; raises UserError."""
     source = source_of(place)
     for assignment in overrides:
         source.override(assignment)
@@ -95,7 +95,7 @@ def _segments(pipeline: Pipeline, samples: Samples) -> Floats | None:
 
 
 def source_of(place: Path) -> Source:
-    """The pipeline that reads a record, as a source to be built; raises LogError or ConfigurationError."""
+    """Return the pipeline that reads a record, as a source to be built; raises LogError or ConfigurationError."""
     if not place.exists():
         raise LogError(f"{place}: no such file or folder")
     if place.suffix == ".toml":

@@ -60,7 +60,7 @@ class ElasticLaw:
         return parameter.name, self.held[self.viscous], parameter.unit
 
     def with_viscosity(self, value: float) -> ElasticLaw:
-        """The same with another value of the viscous parameter."""
+        """Return the same with another value of the viscous parameter."""
         held = tuple(value if i == self.viscous else old for i, old in enumerate(self.held))
         return replace(self, held=held)
 
@@ -72,12 +72,12 @@ class ElasticLaw:
         return np.where(inside, self.model.force(safe, rate, list(theta)) + 0.0 * safe, 0.0)
 
     def with_model(self, model: ContactModel) -> ElasticLaw:
-        """The same of another model that has the same parameters."""
+        """Return the same of another model that has the same parameters."""
         return replace(self, model=model)
 
 
 def law_of(model: ContactModel, name: str, parameters: Mapping[str, str], reach: float = _REACH) -> ElasticLaw:
-    """The law of a model for presses of some reach [m].
+    """Return the law of a model for presses of some reach [m].
 
     Raises ConfigurationError where its force at rest is not proportional to one modulus.
     """
@@ -114,7 +114,7 @@ def law_of(model: ContactModel, name: str, parameters: Mapping[str, str], reach:
 
 
 def _viscous_place(law: ElasticLaw, depths: Floats) -> int | None:
-    """The parameter to which what the speed adds to the force is proportional, whatever the modulus."""
+    """Return the parameter to which what the speed adds to the force is proportional, whatever the modulus."""
     for i, parameter in enumerate(law.model.parameters):
         if parameter.role == "viscous":
             laws = (replace(law, viscous=i).with_viscosity(value) for value in (0.0, 1.0, 2.0))

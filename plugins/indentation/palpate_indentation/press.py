@@ -64,7 +64,7 @@ def press_of(
     segment: Floats | None = None,
     tip_mass: float | None = None,
 ) -> Press:
-    """The first press of a record, or of a stretch of it [s]; raises LogError if it has none.
+    """Return the first press of a record, or of a stretch of it [s]; raises LogError if it has none.
 
     A record that says by a `segment` (n,) which of its readings are on the way in is taken at its word.
     """

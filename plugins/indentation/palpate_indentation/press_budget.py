@@ -30,7 +30,7 @@ class Declared:
 def modulus_row(
     source: str, std: float | None, unit: str, contribution: float, law: ElasticLaw, fit: CurveFit
 ) -> BudgetRow:
-    """A source that contributes a standard uncertainty [unit of the modulus] to the modulus."""
+    """Return a source that contributes a standard uncertainty [unit of the modulus] to the modulus."""
     effect = Effect.of(fit.modulus, contribution, contribution / std if std else None)
     return BudgetRow(source, std, unit, {law.name: effect})
 

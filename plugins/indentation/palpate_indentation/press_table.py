@@ -76,7 +76,7 @@ def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
 
 
 def _way_in(found: Indentation) -> dict[str, Any]:
-    """The theory that the value is by, its work of adhesion, and the value by the pipeline's own law."""
+    """Return the theory that the value is by, its work of adhesion, and the value by the pipeline's own law."""
     fit, without = found.fit, found.without
     assert without is not None
     work = {"adhesion_work": fit.work, "adhesion_work_std": fit.work_std}

@@ -33,7 +33,7 @@ def sphere_radius(model: ContactModel) -> float | None:
 def sphere_laws(
     law: ElasticLaw, branch: Branch, noise: float, viscosity: PressViscosity | None, *, tilt: bool, robust: bool
 ) -> list[SphereLawFit]:
-    """A fit for every law of a sphere that goes with the rest of the model; none for another tip.
+    """Return a fit for every law of a sphere that goes with the rest of the model; none for another tip.
 
     Evidence leaves every law free to choose the viscosity, within what is not known of it.
     """

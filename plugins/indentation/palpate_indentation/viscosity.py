@@ -37,7 +37,7 @@ class PressViscosity:
 
 
 def viscosity_of_run(place: Path, model: str, parameter: str) -> PressViscosity | None:
-    """The viscosity in the ``result.json`` of a run folder, or of the one that a file is in.
+    """Return the viscosity in the ``result.json`` of a run folder, or of the one that a file is in.
 
     Of the tracks of the model the one with the best verdict, and among these the smallest uncertainty; None where no
     track has the parameter with an uncertainty.
@@ -62,7 +62,7 @@ def _values(
 
 
 def viscosity_of_press(law: ElasticLaw, press: Press, branch: Branch, *, tilt: bool) -> PressViscosity:
-    """The viscosity that a press shows, or how large it may be.
+    """Return the viscosity that a press shows, or how large it may be.
 
     It shows in the way in against the way out, where one law explains both, or in a speed that changes on the way in.
     Otherwise it is unknown between none and what least squares would choose, by both ways where there are two.
@@ -88,7 +88,7 @@ def _told(fit: CurveFit, unit: str, words: str) -> PressViscosity:
 
 
 def _is_told(fit: CurveFit) -> bool:
-    """Whether a fit is sound, and has a viscosity beyond doubt."""
+    """Return True if a fit is sound, and has a viscosity beyond doubt."""
     sound = bool(np.isfinite([fit.modulus, fit.viscosity, fit.viscosity_std]).all()) and fit.modulus > 0
     return sound and fit.viscosity > _SURE * fit.viscosity_std
 
@@ -98,7 +98,7 @@ def _is_uneven(rate: Floats) -> bool:
 
 
 def _in_contact(retract: Branch) -> Branch:
-    """The beginning of a way out, until the force has fallen to a tenth."""
+    """Return the beginning of a way out, until the force has fallen to a tenth."""
     air = float(np.median(retract.force[-max(len(retract) // 20, 1) :]))
     low = np.flatnonzero(retract.force - air < _HIGH * float(retract.force.max() - air))
     return retract.part(slice(0, int(low[0]) if len(low) else len(retract)))

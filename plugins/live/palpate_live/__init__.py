@@ -7,17 +7,17 @@ from palpate import Command, Display, plugin
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
-    """The page, and what Foxglove connects to."""
+    """Return the page, and what Foxglove connects to."""
     return {"live": "palpate_live.sink:LiveSink", "foxglove": "palpate_live.sink:FoxgloveSink"}
 
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """The page of what was recorded."""
+    """Return the page of what was recorded."""
     return {"replay watch": Command("palpate_live.watch_command:watch", "See a recorded run on the live page.", "run")}
 
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, Display]]:
-    """The panel."""
+    """Return the panel."""
     return {"display": {"panel": Display("palpate_live.terminal_panel:panel")}}

@@ -29,7 +29,8 @@ class RecordedRun:
 
 
 def read_tables(source: Path) -> RecordedRun | None:
-    """The tables of a run folder; None where it has a log, or no table. Raises LogError for what cannot be read."""
+    """Return the tables of a run folder; None where it has a log, or no table. Raises LogError for what cannot be
+    read."""
     folder = RunFolder(source)
     if not source.is_dir() or any(source.glob("*.mcap")) or (online := folder.online_table) is None:
         return None

@@ -110,7 +110,7 @@ class Channels:
                 yield number, when, json.dumps({"time": at, **known}, separators=(",", ":")).encode()
 
     def _flags(self, header: Header, now: int) -> Iterator[Entry]:
-        """Each flag once, when it rises."""
+        """Yield each flag once, when it rises."""
         track, flags = header["track"], {flag["code"]: flag for flag in header["flags"]}
         before, self._up[track] = self._up.get(track, set()), set(flags)
         seconds, rest = divmod(now, 1_000_000_000)
@@ -163,7 +163,7 @@ class Bridge:
         broadcast([viewer], json.dumps({"op": "advertise", "channels": self._channels.offered}))
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A refusal; None lets a WebSocket in."""
+        """Return a refusal; None lets a WebSocket in."""
         return admit_viewer(request, self._token)
 
     async def serve(self, viewer: ServerConnection) -> None:

@@ -30,7 +30,7 @@ class History:
 
     @property
     def recorded(self) -> bool:
-        """Whether it is all of a record, not of a run in progress."""
+        """True if it is all of a record, not of a run in progress."""
         return bool(self.run and self.run["recorded"])
 
     @property
@@ -81,7 +81,7 @@ class History:
         self._columns[begin : begin + len(columns), places[found]] = columns[:, found]
 
     def messages(self) -> Iterator[bytes]:
-        """All that a browser needs to show what the others show."""
+        """Yield all that a browser needs to show what the others show."""
         if self.run is None:
             return
         yield pack(self.run)

@@ -33,7 +33,7 @@ class Viewers(Protocol):
     over: asyncio.Event
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A refusal, or a page; None lets a WebSocket in."""
+        """Return a refusal, or a page; None lets a WebSocket in."""
         ...
 
     async def serve(self, viewer: ServerConnection) -> None:
@@ -105,7 +105,7 @@ class Server:
         broadcast([browser], message.decode() if is_text(message) else message)
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The page and its files, or a refusal; None lets a WebSocket in."""
+        """Return the page and its files, or a refusal; None lets a WebSocket in."""
         return answer_request(request, self._token, _FILES)
 
     async def serve(self, viewer: ServerConnection) -> None:

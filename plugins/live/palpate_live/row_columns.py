@@ -107,7 +107,8 @@ def _shown(parameter: Parameter) -> dict[str, Any]:
 
 
 def beyond(part: Mapping[str, Any]) -> float:
-    """The part of a combined standard uncertainty [SI] that the estimator does not know; NaN where it is unknown."""
+    """Return the part of a combined standard uncertainty [SI] that the estimator does not know; NaN where it is
+    unknown."""
     if part["combined"] is None and part["std"] is not None:
         return math.nan
     return math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0)

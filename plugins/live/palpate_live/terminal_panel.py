@@ -112,7 +112,7 @@ class Watcher:
 
     @property
     def calls_for_stop(self) -> bool:
-        """Whether a person has to press the emergency stop."""
+        """True if a person has to press the emergency stop."""
         return self._guard is not None and self._guard.calls_for_stop
 
     @property
@@ -144,12 +144,12 @@ class Watcher:
         return value_with_uncertainty(float(value) * factor, float(np.hypot(std, beyond)) * factor)
 
     def _codes(self, track: str | None) -> str:
-        """Each code once, with how often where several streams or devices raise it."""
+        """Return each code once, with how often where several streams or devices raise it."""
         counts = Counter(flag.code for flag in self._flags.get(track, ()))
         return ", ".join(code if count == 1 else f"{code} x {count}" for code, count in counts.items())
 
     def line(self) -> str:
-        """All of it in one line."""
+        """Return all of it in one line."""
         parts = [f"{self._time}; {self._tip}" if self._tip else self._time]
         for track, parameters in self._tracks.items():
             if not np.isfinite(self._values[track][0]).all():
@@ -162,7 +162,7 @@ class Watcher:
         return "; ".join(parts)
 
     def view(self) -> RenderableType:
-        """The panel."""
+        """Return the panel."""
         from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table

@@ -80,7 +80,7 @@ class AfmReplay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """A file that is named like a force curve."""
+        """Return a file that is named like a force curve."""
         if not path.is_file():
             return False
         return path.name.lower().endswith(SUFFIXES) or is_exported_curve(path)
@@ -215,7 +215,7 @@ class _AfmCurve:
 
 
 def _curves(path: Path) -> list[_AfmCurve]:
-    """Every curve of a file; raises LogError where afmformats is missing or does not read it."""
+    """Return every curve of a file; raises LogError where afmformats is missing or does not read it."""
     regular(path)
     try:
         with warnings.catch_warnings():  # of its own dependencies; what matters is raised
@@ -253,7 +253,7 @@ class _AfmLink:
     log: AfmReplay
 
     def batches(self) -> Iterator[Batch]:
-        """The readings in their order, some thousand at a time."""
+        """Yield the readings in their order, some thousand at a time."""
         curves, path = _curves(self.log.file), self.log.file
         if self.log.curve >= len(curves):
             raise LogError(f"{path}: no curve {self.log.curve}; it contains {len(curves)}, 0 to {len(curves) - 1}")

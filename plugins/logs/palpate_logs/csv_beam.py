@@ -29,7 +29,7 @@ def _is_spring(length: Floats, force: Floats) -> bool:
 
 
 def stiffness_of(length: Floats, force: Floats) -> float:
-    """The size of the constant that is the force over a length, as recorded."""
+    """Return the size of the constant that is the force over a length, as recorded."""
     known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
     return abs(float(np.polyfit(length[known], force[known], 1)[0]))
 

@@ -54,7 +54,7 @@ class CsvLink:
         self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
 
     def batches(self) -> Iterator[Batch]:
-        """The rows of the file in order, some thousand at a time."""
+        """Yield the rows of the file in order, some thousand at a time."""
         row, day, first, held = 0, Days(), None, SampleHold()
         self._log.tally.timeless, self._log.tally.overload, self._log.tally.cut = 0, 0, None
         for numbers in self._whole():
@@ -91,7 +91,7 @@ class CsvLink:
         return (since >= (low or 0)) & (since <= (since if high is None else high))
 
     def _whole(self) -> Iterator[Floats]:
-        """The numbers (n, places) of all rows but one that was cut."""
+        """Yield the numbers (n, places) of all rows but one that was cut."""
         latest = None
         for numbers in self._blocks():
             if latest is not None:
@@ -129,14 +129,14 @@ class CsvLink:
             self._refuse_cut()
 
     def _plain(self, text: str) -> Floats | None:
-        """The numbers (n, places) of whole lines of nothing but numbers; None for other lines."""
+        """Return the numbers (n, places) of whole lines of nothing but numbers; None for other lines."""
         if self._record is not None or self._clock or max(self._at, default=0) >= self._layout.width:
             return None
         numbers = plain_numbers(text, self._dialect, self._layout.width)
         return None if numbers is None else numbers[:, self._at]
 
     def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
-        """The numbers (n, places) of lines that may hold anything; so many rows were read above them."""
+        """Yield the numbers (n, places) of lines that may hold anything; so many rows were read above them."""
         rows = one_table(rows, self._layout, self._dialect, lambda row: row[1], self._pages)
         self._log.tally.footer.clear()
         self._log.tally.events.clear()
@@ -230,7 +230,7 @@ class CsvLink:
             raise LogError(f"{self._log.file}:{line}: {problem}")
 
     def _numbers(self, complete: list[tuple[int, list[str]]]) -> Floats:
-        """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
+        """Return the numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
         with suppress(ValueError, IndexError):
             texts = [cells[place] for _, cells in complete for place in self._at]
             if self._dialect == type(self._dialect)(self._dialect.delimiter, comment=self._dialect.comment) and (

@@ -22,7 +22,7 @@ _UNITY = 0.01  # by which a quaternion's length may miss one
 def with_axes(
     columns: Mapping[str, Mapping[str, Any]], found: RoleGuess, sheet: Sheet, values: Floats
 ) -> dict[str, dict[str, Any]]:
-    """The columns by role, each after those that belong to it, as the axes of a signal are read in their order.
+    """Return the columns by role, each after those that belong to it, as the axes of a signal are read in their order.
 
     `values` (n, columns) are the numbers of the sheet: a quaternion has the length one.
     """
@@ -68,7 +68,7 @@ def _is_unit_length(quaternions: Floats) -> bool:
 
 
 def places_of(sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """The columns that say where along the skin a record is; none where one of the two is missing."""
+    """Return the columns that say where along the skin a record is; none where one of the two is missing."""
     found: dict[str, dict[str, Any]] = {}
     for k, name in enumerate(sheet.names):
         unit, words = sheet.unit(k), words_of(name)

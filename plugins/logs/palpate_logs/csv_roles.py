@@ -38,7 +38,7 @@ class SheetRoles:
     clock: TimeColumn | None
 
     def series(self) -> list[NumberColumn]:
-        """Every column but the time, with its role by its unit or name."""
+        """Return every column but the time, with its role by its unit or name."""
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
         roles, stamps = column_roles(self.sheet, self.values), stamp_parts(self.sheet.names).values()
         found: list[NumberColumn] = []
@@ -59,12 +59,12 @@ class SheetRoles:
 
 
 def _counts(values: Floats) -> bool:
-    """Whether a column merely counts the rows."""
+    """Return True if a column merely counts the rows."""
     return len(values) > 2 and bool((np.diff(values) == 1).all())
 
 
 def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
-    """A file with its numbers and its time; raises LogError."""
+    """Return a file with its numbers and its time; raises LogError."""
     sheet = sheet_of(path, {key: choices[key] for key in (*KEYS, RECORD) if key in choices})
     units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
     sheet = replace(sheet, own_units=units) if units else sheet

@@ -71,7 +71,7 @@ def survey_csv(path: Path) -> Survey:
 
 
 def tables_csv(path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
+    """Yield every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
     looked = look(path, {})
     sheet, clock = looked.sheet, looked.clock
     if clock is None or clock.column is None:

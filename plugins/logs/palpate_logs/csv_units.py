@@ -82,7 +82,7 @@ def needs_scale(sheet: Sheet, pick: Pick, role: str) -> bool:
 
 
 def _speed_unit(found: RoleGuess, length: str, clocked: bool) -> tuple[str, str]:
-    """The unit in which a velocity is the slope of the position."""
+    """Return the unit in which a velocity is the slope of the position."""
     if not clocked or not found.gain:
         return f"{length}/s", f"unit of the velocity: {length}/s is a guess, like that of the position"
     ratios = {unit: abs(found.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in ("m/s", "mm/s", "um/s", "cm/s")}

@@ -41,7 +41,7 @@ class TableDraft:
     hints: list[str] = field(default_factory=list)
 
     def index(self, role: str) -> int:
-        """The column of a role."""
+        """Return the column of a role."""
         return int(self.roles.picks[role].series.key[1])
 
     @cached_property

@@ -22,7 +22,7 @@ _CELLS = 1 << 23  # of a table that are held at once
 
 
 def _windows(numbers: Mapping[str, TopicFiles]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
-    """The rows of one table, some ten thousand at a time, or fewer that are long."""
+    """Yield the rows of one table, some ten thousand at a time, or fewer that are long."""
     at = dict.fromkeys(numbers, 0)
     lengths = {topic: len(entry) for topic, entry in numbers.items()}
     window = _window(numbers)
@@ -79,7 +79,7 @@ def _occurrence(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _column_names(numbers: Mapping[str, TopicArrays] | Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
-    """The columns of a table by the key of their topic."""
+    """Return the columns of a table by the key of their topic."""
     names = names_apart(f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names)
     return {topic: tuple(islice(names, len(entry.names))) for topic, entry in numbers.items()}
 
@@ -119,18 +119,18 @@ def _csv(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
 
 
 def _all_texts(numbers: Mapping[str, TopicFiles]) -> dict[str, tuple[str, ...]]:
-    """The words of each column of texts, by its name."""
+    """Return the words of each column of texts, by its name."""
     names = _column_names(numbers)
     return {n: words for key, entry in numbers.items() for n, words in zip(names[key], entry.words, strict=False)}
 
 
 def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
-    """The texts that a column stands for; none without a message."""
+    """Return the texts that a column stands for; none without a message."""
     return ["" if place != place else words[int(place)] for place in places.tolist()]
 
 
 def _fields(entries: Sequence[TopicFiles]) -> Iterator[tuple[str, Any]]:
-    """Each field of a topic with its array, of numbers or of texts, whose time-stamps may be others."""
+    """Yield each field of a topic with its array, of numbers or of texts, whose time-stamps may be others."""
     first = entries[0].stamps()
     for place, entry in enumerate(entries):
         if not place or not np.array_equal(entry.stamps(), first):
@@ -168,7 +168,7 @@ def _dotted(name: str) -> str:
 
 
 def _mat(out: Path, numbers: Mapping[str, TopicFiles]) -> dict[str, str]:
-    """A struct for each topic, named by what MATLAB allows."""
+    """Return a struct for each topic, named by what MATLAB allows."""
     from scipy.io import savemat
 
     topics = _by_topic(numbers, _word, _LONGEST)

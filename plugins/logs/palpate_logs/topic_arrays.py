@@ -79,7 +79,7 @@ class TopicFiles:
 
 
 def topics_of(log: Path, topics: list[str] | None, folder: Path, notes: list[str]) -> dict[str, TopicFiles]:
-    """The log's topics, in files of the folder; what is left out, and why, is added to the notes."""
+    """Return the log's topics, in files of the folder; what is left out, and why, is added to the notes."""
     names: dict[str, None] = {}
     files: dict[str, TopicFiles] = {}
     count = 0
@@ -107,7 +107,7 @@ def topics_of(log: Path, topics: list[str] | None, folder: Path, notes: list[str
 
 
 def _texts(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicFiles]:
-    """The log's topics of texts: each text by its place among those that there are."""
+    """Return the log's topics of texts: each text by its place among those that there are."""
     files: dict[str, TopicFiles] = {}
     places: dict[str, list[dict[str, int]]] = {}
     for topic, columns, stamps, rows in recording_of(log).texts(log):

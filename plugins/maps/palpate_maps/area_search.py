@@ -138,7 +138,7 @@ class AreaSearch:
         self._visited = visited
 
     def _remainder(self, sites: Sites) -> Hiding:
-        """The patches that remain apart from known lumps and likely patches, which it takes up one by one.
+        """Return the patches that remain apart from known lumps and likely patches, which it takes up one by one.
 
         A patch that two points or passes have checked is known by its odds, though no p-value calls it a lump.
         """
@@ -165,7 +165,7 @@ class AreaSearch:
         return covered & near(places, self._visits, REACH * self.settings.radius)
 
     def next_round(self) -> list[Proposal]:
-        """The next places: up to so many points, or one line; none where every place is known."""
+        """Return the next places: up to so many points, or one line; none where every place is known."""
         knowledge = self._knowledge
         assert knowledge is not None
         sites = knowledge.known
@@ -183,7 +183,7 @@ class AreaSearch:
         return proposals
 
     def _gain(self, knowledge: Knowledge) -> tuple[Gain, bool]:
-        """The gain of the next palpations, and True where it is the clearance of the area.
+        """Return the gain of the next palpations, and True where it is the clearance of the area.
 
         A map gains by its variance; a search first by what is doubtful, then by its outlines, then by what may hide.
         """

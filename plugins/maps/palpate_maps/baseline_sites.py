@@ -37,7 +37,7 @@ class Baseline:
 def find_baseline(
     log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0, single: float = SINGLE
 ) -> Baseline:
-    """The baseline among sites (n,): those without outliers, or the lowest of several populations.
+    """Return the baseline among sites (n,): those without outliers, or the lowest of several populations.
 
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
@@ -78,7 +78,7 @@ def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> B
 
 
 def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:
-    """The sites (n,) that the generalised extreme studentised deviate test leaves (Rosner 1983).
+    """Return the sites (n,) that the generalised extreme studentised deviate test leaves (Rosner 1983).
 
     For independent normal baseline sites. `level` is of the test, `share` of the sites that may be outliers, `floor`
     the least spread assumed.
@@ -108,7 +108,7 @@ def _rosner_limits(count: int, level: float, share: float) -> Floats:
 
 
 def _inliers(values: Floats, limits: Floats, floor: float) -> slice:
-    """The rows of ordered values (n,) between the last outliers: the farthest deviate is at one of the two ends.
+    """Return the rows of ordered values (n,) between the last outliers: the farthest deviate is at one of the two ends.
 
     Sum and sum of squares of what remains are kept, so that a step costs no sum over all values.
     """
@@ -189,7 +189,7 @@ def welch(baseline: Floats, suspects: Floats) -> Comparison:
 
 
 def against_sites(baseline: Floats, suspect: float) -> Comparison:
-    """A suspect site's mean against the means of baseline sites (k,), by the prediction interval."""
+    """Return a suspect site's mean against the means of baseline sites (k,), by the prediction interval."""
     log = np.log(baseline)
     count = len(log)
     sites = Baseline(float(log.mean()), float(log.std(ddof=1)) if count > 1 else 0.0, count, np.zeros(1, bool))

@@ -72,5 +72,5 @@ class Clearance:
         return np.asarray(np.minimum(decrease, self.excess).sum(axis=1))
 
     def after(self, node: int) -> Clearance:
-        """The clearance once a point at a node was palpated, if no patch is near."""
+        """Return the clearance once a point at a node was palpated, if no patch is near."""
         return replace(self, excess=np.maximum(self.excess - self._decrease[node], 0.0))

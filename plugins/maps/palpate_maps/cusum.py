@@ -183,7 +183,8 @@ def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
 
 
 def _highest_between(curve: LineCurve, span: tuple[float, float], bounds: tuple[float, float], p: float) -> Lump | None:
-    """The highest point of a span, over the higher of the valleys next to it, which lie within the bounds [m]."""
+    """Return the highest point of a span, over the higher of the valleys next to it, which lie within the bounds
+    [m]."""
     inside = np.flatnonzero((curve.at >= span[0]) & (curve.at <= span[1]))
     if not len(inside):
         return None

@@ -61,7 +61,7 @@ class FieldGain:
         return np.asarray(np.cumsum(solved**2 @ self.weight))
 
     def after(self, node: int) -> FieldGain:
-        """The gain once a point was palpated at a node."""
+        """Return the gain once a point was palpated at a node."""
         share = self.between[node] / (self.between[node, node] + self.point)
         between = self.between - np.outer(share, self.between[node])
         return replace(self, between=between, cross=self.cross - np.outer(share, self.cross[node]))

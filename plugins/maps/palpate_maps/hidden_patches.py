@@ -94,7 +94,7 @@ def hidden_patches(
     before: Hiding | None = None,
     extent: Floats | None = None,
 ) -> Hiding:
-    """The posterior number of patches at middles (m, k) [m], by sites that lie on no known lump.
+    """Return the posterior number of patches at middles (m, k) [m], by sites that lie on no known lump.
 
     Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, or a
     share by its extent (m,) where these differ, and those that were found say nothing of the others. The sites say
@@ -170,7 +170,7 @@ class _SharedTerms:
         return cls(sites.log - sites.log.mean(), np.maximum(sites.std, LEAST_STD) ** 2, relief, smooth, drifting)
 
     def covariance(self, noise: float, background: float, drift: float) -> _Covariance:
-        """The covariance of one combination of sizes, factorised."""
+        """Return the covariance of one combination of sizes, factorised."""
         covariance = background**2 * self.smooth + drift**2 * self.drifting
         lower = cholesky_factor(covariance, noise**2 * self.stated + self.relief)
         # Logarithms and ones, whitened; the level is projected out.

@@ -31,7 +31,7 @@ class LineCurve:
     along: Floats  # (n,) [m] of the sites
 
     def place(self, along: float) -> tuple[float, float]:
-        """The place at a coordinate along the line."""
+        """Return the place at a coordinate along the line."""
         design = np.column_stack([np.ones(len(self.along)), self.along])
         line, *_ = np.linalg.lstsq(design, self.sites.place, rcond=None)
         x, y = np.array([1.0, along]) @ line
@@ -43,7 +43,7 @@ class LineCurve:
         return np.subtract(self.place(1.0), self.place(0.0))
 
     def findings(self, lumps: list[Lump], method: str) -> Findings:
-        """The lumps that were found along it."""
+        """Return the lumps that were found along it."""
         background = float(np.exp(np.quantile(self.log, _BACKGROUND_QUANTILE)))
         return Findings(
             tuple(lumps), background, float(np.median(self.noise)), method, self.at, np.asarray(np.exp(self.log))
@@ -51,7 +51,7 @@ class LineCurve:
 
 
 def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurve:
-    """The curve of the sites of a sweep; raises LogError where it is too short for surroundings."""
+    """Return the curve of the sites of a sweep; raises LogError where it is too short for surroundings."""
     at = np.arange(along.min(), along.max(), STEP)
     if len(at) * STEP < _MIN_WIDTHS * settings.width:
         raise LogError(
@@ -128,7 +128,7 @@ class _Peak:
 
 
 def _peaks(curve: LineCurve, least_height: float) -> list[_Peak]:
-    """The peaks of a curve that are at least so high over the higher of their valleys."""
+    """Return the peaks of a curve that are at least so high over the higher of their valleys."""
     from scipy import signal
 
     rows, properties = signal.find_peaks(curve.log, prominence=least_height)

@@ -14,7 +14,7 @@ WIDTH = 10e-3  # [m] at half its height, of the lumps that powers are of: about 
 
 
 def peak_limit(std: float, rooms: float, settings: LumpSettings) -> float:
-    """The height of the logarithm from which on a peak counts as a lump; its standard deviation is `std`.
+    """Return the height of the logarithm from which on a peak counts as a lump; its standard deviation is `std`.
 
     The largest of: log(1 + contrast), and that with p = m(m - 1)/2 x the two-sided normal tail at the rate, where the
     sweep has room for m sites.
@@ -41,7 +41,7 @@ def sweep_exclusion(std: float, length: float, settings: LumpSettings) -> tuple[
 
 
 def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
-    """The smallest relative height of a Gaussian lump that a sweep of `length` [m] finds with probability 0.8.
+    """Return the smallest relative height of a Gaussian lump that a sweep of `length` [m] finds with probability 0.8.
 
     `std` is the standard deviation of a difference of the sweep's log stiffness. Smoothing over a window w lowers a
     lump of log height H and width s to a H, a = s/sqrt(s^2 + w^2/12), which must reach the limit for peaks. Noise

@@ -48,7 +48,7 @@ def map_picture(
 
 @style()
 def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
-    """The patches that may still hide, per square centimetre, and the lumps that are known.
+    """Return the patches that may still hide, per square centimetre, and the lumps that are known.
 
     `cells` has the column and row (m, 2) of each place at which one may hide.
     """
@@ -80,7 +80,7 @@ def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
 
 
 def _edges(axis: Floats) -> tuple[float, float]:
-    """The outer edges [m] of cells at places (n,) [m] of an axis."""
+    """Return the outer edges [m] of cells at places (n,) [m] of an axis."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else _HALF_CELL
     return float(axis[0] - half), float(axis[-1] + half)
 

@@ -67,7 +67,7 @@ def hiding_csv(hiding: Hiding) -> str:
 
 
 def lumps_json(findings: Findings, path: Path2D) -> str:
-    """The lumps with place, extent, contrast and p-value [SI]."""
+    """Return the lumps with place, extent, contrast and p-value [SI]."""
     table = {
         "track": path.track,
         "other_tracks": path.others,
@@ -105,7 +105,7 @@ def _power(power: LumpPower) -> dict[str, float | None]:
 
 
 def free_name(folder: Path, name: str, table: str) -> str:
-    """A name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
+    """Return a name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
     number = 1
     while True:
         found = name if number == 1 else f"{name}-{number}"

@@ -84,7 +84,7 @@ class Knowledge:
         return float(np.median(std if len(std) else self.known.std))
 
     def proposal(self, contrast: float, node: int, end: tuple[float, float] | None = None) -> Proposal:
-        """A node as a proposal."""
+        """Return a node as a proposal."""
         height, spread, suspicion = (float(values[node]) for values in self.expectation(contrast))
         x, y = self.field.nodes[node, :2].tolist()
         return Proposal((x, y), float(np.expm1(height)), spread, suspicion, end)

@@ -71,7 +71,7 @@ class Places:
 
 
 def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) -> TrackResult:
-    """The result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
+    """Return the result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
 
     The standard deviation is that of one place, as the estimator gives it; how the places differ is a cause of
     uncertainty of its own, so that the combined one holds for any of them.
@@ -96,7 +96,8 @@ def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) ->
 
 
 def _over_places(of_record: UncertainValue, numbers: Floats, last: Floats) -> UncertainValue:
-    """A value with its std over places (n, 2), and at the end (2,); what else is known of it is taken for all."""
+    """Return a value with its std over places (n, 2), and at the end (2,); what else is known of it is taken for
+    all."""
     values, std = numbers.T
     mean = float(values.mean())
     low, middle, high = np.quantile(values, [_ENDS[0], 0.5, _ENDS[1]]).tolist()
@@ -113,7 +114,7 @@ def _over_places(of_record: UncertainValue, numbers: Floats, last: Floats) -> Un
 
 
 def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: Floats) -> DerivedValue:
-    """A value that is derived from the parameters, place by place."""
+    """Return a value that is derived from the parameters, place by place."""
 
     def material(row: Floats) -> tuple[float, float]:
         value = next(value for value in model.material(row.tolist()) if value.name == derived.name)
@@ -124,7 +125,7 @@ def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: F
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, UncertainValue]) -> BudgetRow:
-    """The estimator's and settling's rows are those of the mean; all others stay."""
+    """Return the estimator's and settling's rows are those of the mean; all others stay."""
     attribute = _ATTRIBUTES_OF_MEAN.get(row.source)
     if attribute is None:
         return row

@@ -49,7 +49,7 @@ class Path2D:
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
-    """The estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
+    """Return the estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
 
     Each part is read from the first track that it has, in the order of `tracks_of`, which is that of every command: a
     part that was killed has no offline estimates. `Path2D.source` says which. Raises LogError for what is missing.
@@ -69,7 +69,7 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
 
 
 def _accepted(folder: Path) -> list[RunFolder]:
-    """The run and its continuations but for rejected ones; raises LogError where none is left."""
+    """Return the run and its continuations but for rejected ones; raises LogError where none is left."""
     run = RunFolder(folder)
     demand_one_pipeline(run)
     parts = [part for part in run.parts if "" not in part.rejected]
@@ -94,7 +94,7 @@ def demand_one_pipeline(run: RunFolder) -> None:
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
-    """The names of all tracks of a run's parts; raises LogError without any."""
+    """Return the names of all tracks of a run's parts; raises LogError without any."""
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is not a run folder: it has no table of estimates")
@@ -111,7 +111,8 @@ def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
 
 
 def join_paths(paths: Sequence[Path2D]) -> Path2D:
-    """The paths of a run's parts as one, a second between each and the next; named by the track of most estimates."""
+    """Return the paths of a run's parts as one, a second between each and the next; named by the track of most
+    estimates."""
     count = Counter[str]()
     for path in paths:
         count[path.track] += len(path.time)
@@ -132,7 +133,7 @@ def join_paths(paths: Sequence[Path2D]) -> Path2D:
 
 
 def rejected_runs(folder: Path) -> dict[Path, str]:
-    """The run and those of its continuations that a review has rejected, with the reasons."""
+    """Return the run and those of its continuations that a review has rejected, with the reasons."""
     return {part.path: part.rejected[""] for part in RunFolder(folder).parts if "" in part.rejected}
 
 
@@ -149,7 +150,7 @@ def _demand_track(part: RunFolder, track: str) -> None:
 
 
 def tracks_of(folder: Path) -> list[str]:
-    """The names of the tracks that one folder has estimates of, the best first.
+    """Return the names of the tracks that one folder has estimates of, the best first.
 
     Those made afterwards come before online ones, then they are in the order of the table; but those whose result is
     invalid come last.
@@ -161,7 +162,7 @@ def tracks_of(folder: Path) -> list[str]:
 
 
 def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Path2D | None:
-    """The path of a part by a track, or by its best one; None where it has no usable estimates of it."""
+    """Return the path of a part by a track, or by its best one; None where it has no usable estimates of it."""
     tables = part.tables
     track = track or next(iter(tracks_of(part.path)), None)
     table = next((table for table in tables if track in table.tracks), None)
@@ -177,7 +178,7 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
 
 
 def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
-    """The usable estimates of one track of a part; None without any, LogError without the parameter."""
+    """Return the usable estimates of one track of a part; None without any, LogError without the parameter."""
     parameter = parameter or next(iter(table.values))
     if parameter not in table.values:
         raise LogError(f"{part.path}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")

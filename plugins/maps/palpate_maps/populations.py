@@ -41,7 +41,7 @@ def is_one(log: Floats, level: float = SINGLE) -> bool:
 
 
 def lowest_mode(log: Floats, floor: float) -> Mode:
-    """The lowest mode of values (n,), with a spread of at least `floor`.
+    """Return the lowest mode of values (n,), with a spread of at least `floor`.
 
     Stiff places, and the flanks around them, lie above their surroundings only. So the mode is the first stretch of
     the order statistics, from below, of a fifth of all values that is as narrow as any before the widths grow again;

@@ -36,7 +36,7 @@ class Gain(Protocol):
         ...
 
     def after(self, node: int) -> Gain:
-        """The gain once a point was palpated at a node."""
+        """Return the gain once a point was palpated at a node."""
         ...
 
 
@@ -91,7 +91,7 @@ class ActionGrid:
     def _best(
         self, gain: Gain, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_], further: bool
     ) -> SearchAction | None:
-        """The point or line that gains most in a second; `further` where points go on without a pause."""
+        """Return the point or line that gains most in a second; `further` where points go on without a pause."""
         points = gain.points()
         travel = self._travel(tip)
         beside = float(self.motion.seconds_to(np.zeros(1))[0])
@@ -129,7 +129,7 @@ class ActionGrid:
         return self.motion.seconds_to(way)
 
     def _most(self, row: NDArray[np.intp], sites: Floats) -> float:
-        """The most that a line along a row gains in a second: as if each of its sites stood alone."""
+        """Return the most that a line along a row gains in a second: as if each of its sites stood alone."""
         along = lengths_along(self.nodes, row)
         sums = np.r_[0.0, np.cumsum(sites[row])]
         first, last = np.triu_indices(len(row), 1)
@@ -139,7 +139,7 @@ class ActionGrid:
     def _line(
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
     ) -> SearchAction | None:
-        """The best line along a row; None where none goes through one of some nodes (m,)."""
+        """Return the best line along a row; None where none goes through one of some nodes (m,)."""
         along = lengths_along(self.nodes, row)
         step = float(np.hypot(*(self.nodes[row[1], :2] - self.nodes[row[0], :2])))
         fewest = max(int(np.ceil(self.motion.shortest / step - _ROUNDING)), 1)

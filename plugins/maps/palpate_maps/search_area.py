@@ -47,7 +47,7 @@ class Area:
 
 
 def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -> Area:
-    """The area given; else the workspace, else the simulated specimen, else where it was palpated (n, 2) [m].
+    """Return the area given; else the workspace, else the simulated specimen, else where it was palpated (n, 2) [m].
 
     Inside it, only places that the workspace and every device allow at the deepest of the motion's press, over a
     surface along its normal.
@@ -114,7 +114,8 @@ def _between(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, str]:
-    """The box of the area, and what bounds it, in words; raises ConfigurationError where the one given is empty."""
+    """Return the box of the area, and what bounds it, in words; raises ConfigurationError where the one given is
+    empty."""
     if given is not None:
         x0, x1, y0, y1 = given
         if not (x1 > x0 and y1 > y0):
@@ -130,12 +131,13 @@ def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, 
 
 
 def _still(places: Floats) -> Setpoint:
-    """A tip at rest at places (n, 3) [m]."""
+    """Return a tip at rest at places (n, 3) [m]."""
     return Setpoint(places, np.zeros((len(places), 3)), np.ones(len(places), bool))
 
 
 def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, skin_at: Callable[[Floats], Floats]) -> str:
-    """The reason that no place of a box may be palpated: the limits, the surface, or the device, of its middle."""
+    """Return the reason that no place of a box may be palpated: the limits, the surface, or the device, of its
+    middle."""
     x0, x1, y0, y1 = box
     text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
     name = "--area" if bounded_by == "--area" else f"the area, {bounded_by}"

@@ -44,7 +44,8 @@ class SearchMotion:
         return _SITE_WIDTH + _MIN_PERIODS * (self.line_speed or 0.0) / float(self.own.press.frequency)
 
     def along(self, proposals: list[Proposal], level: bool = False) -> Trajectory:
-        """The motion through places, or along one line; raises ConfigurationError. `level`: not over its surface."""
+        """Return the motion through places, or along one line; raises ConfigurationError. `level`: not over its
+        surface."""
         own, first = self.own, proposals[0]
         settings: dict[str, Any] = {"press": own.press}
         if not level:
@@ -119,7 +120,7 @@ def _at(x: float) -> Proposal:
 
 
 def search_motion(pipeline: Pipeline, run: Any, duration: float) -> SearchMotion:
-    """The motion of a run, with a press to palpate points with; raises ConfigurationError."""
+    """Return the motion of a run, with a press to palpate points with; raises ConfigurationError."""
     if len(pipeline.trajectories) != 1:
         raise ConfigurationError(f"{run}: moves nothing, so it cannot visit places")
     ((name, motion),) = pipeline.trajectories.items()

@@ -41,7 +41,7 @@ class LumpProgress:
 def update_progress(
     findings: Findings, before: Sequence[LumpProgress], sites: Sites, area: Area, sure: float
 ) -> list[LumpProgress]:
-    """Every lump of a round against those of the round before; the surest first."""
+    """Return every lump of a round against those of the round before; the surest first."""
     known = [item.lump for item in before]
     progress = []
     for lump in sorted(findings.lumps, key=lambda lump: lump.p):

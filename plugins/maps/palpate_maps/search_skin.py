@@ -54,7 +54,8 @@ class SearchSkin:
 
 
 def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.bool_]]:
-    """A tool at each point, along its normal and as deep below [m], and where (n,) the skin cannot be visited."""
+    """Return a tool at each point, along its normal and as deep below [m], and where (n,) the skin cannot be
+    visited."""
     normal = points.normal
     refused = ~(normal[:, 2] >= _MIN_NORMAL_Z)  # where nothing is known, too
     still = np.zeros((len(points), 3))

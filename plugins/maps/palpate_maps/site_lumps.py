@@ -78,7 +78,7 @@ def is_visit(sites: Sites) -> NDArray[np.bool_]:
 
 
 def lump_of_sites(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) -> Lump:
-    """The lump of the sites in a group; neighbours that are raised by half its height belong to it, too.
+    """Return the lump of the sites in a group; neighbours that are raised by half its height belong to it, too.
 
     Its extents are those of a uniform body with the variance of the weighted places: sqrt(12 variance).
     """

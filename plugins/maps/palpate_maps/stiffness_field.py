@@ -145,7 +145,7 @@ class StiffnessField:
 
     @classmethod
     def of(cls, sites: Sites, nodes: Floats, level: float, kernel: FieldKernel | None = None) -> Self:
-        """The field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
+        """Return the field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
         made = cls(nodes, fit_kernel(sites.place, sites.log - level, _stated_variance(sites), kernel), len(sites))
         made.factorise(sites)
         return made
@@ -167,7 +167,8 @@ class StiffnessField:
         self._variance = self.kernel.variance - (self._cross[:n] ** 2).sum(axis=0)
 
     def update(self, sites: Sites, level: float) -> StiffnessField:
-        """The field of sites that begin with those known so far; else, or where the kernel has to change, a new one."""
+        """Return the field of sites that begin with those known so far; else, or where the kernel has to change, a
+        new one."""
         n = len(self.log)
         same_places = len(sites) >= n and np.array_equal(self.place, sites.place[:n])
         begins_alike = same_places and np.array_equal(self.log, sites.log[:n])

@@ -32,7 +32,8 @@ class MapOnSurface:
 
 
 def arc_warning(length: float, reach: float) -> str | None:
-    """A warning of an interpolation over more than the reach [m] of straight distances; None where it is over less."""
+    """Return a warning of an interpolation over more than the reach [m] of straight distances; None where it is over
+    less."""
     if length <= reach:
         return None
     return (
@@ -47,7 +48,7 @@ def sites_on(sites: Sites, surface: Surface) -> Sites:
 
 
 def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str, unit: str) -> MapOnSurface:
-    """The map of sites (n, 2) on a surface, its vertices a grid of cells [m] in x and y that is laid on it.
+    """Return the map of sites (n, 2) on a surface, its vertices a grid of cells [m] in x and y that is laid on it.
 
     Distances between points are straight. A vertex is there where a site is nearer in x and y than 1.2 times the
     distance of lines or points, and the surface is known. Raises LogError for too few sites, ConfigurationError.

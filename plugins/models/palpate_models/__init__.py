@@ -97,7 +97,7 @@ def palpate_models() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """The effect of a specimen's size."""
+    """Return the effect of a specimen's size."""
     return {
         "model thickness": Command(
             "palpate_models.thickness_command:thickness",

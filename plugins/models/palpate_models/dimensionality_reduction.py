@@ -40,9 +40,9 @@ class DimensionalityReduction(RelaxingModel):
         return RelaxationSpectrum(theta[0], theta[1], ())
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
-        """The parameters themselves."""
+        """Return the parameters themselves."""
         return (MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0)))
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
-        """A late force lowers viscosity by the shear modulus G = E/(2 (1 + nu)) per second, for every tip."""
+        """Return a late force lowers viscosity by the shear modulus G = E/(2 (1 + nu)) per second, for every tip."""
         return 0.0, -theta[0] / (2.0 * (1.0 + self.poisson))

@@ -43,5 +43,5 @@ class KelvinVoigt(ContactModel):
         )
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
-        """A late force lowers damping by K per second."""
+        """Return a late force lowers damping by K per second."""
         return 0.0, -theta[0]

@@ -50,7 +50,7 @@ class RelaxingModel(ContactModel):
 
     @abstractmethod
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
-        """The relaxation modulus at parameter values."""
+        """Return the relaxation modulus at parameter values."""
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k [N]; without `memory` long at rest."""
@@ -182,5 +182,5 @@ class Maxwell(RelaxingModel):
         return RelaxationSpectrum(None, None, ((theta[0], theta[0] / (2.0 * (1.0 + self.poisson) * theta[1])),))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
-        """The parameters themselves."""
+        """Return the parameters themselves."""
         return (MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0)))

@@ -13,7 +13,7 @@ _LARGEST = 9.2e9  # [s] that a time-stamp can hold
 
 
 def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) -> Floats:
-    """A column (n,) in the SI `unit`, from what a person has; `written` is the unit of plain numbers.
+    """Return a column (n,) in the SI `unit`, from what a person has; `written` is the unit of plain numbers.
 
     Raises ConfigurationError for what is not a column of numbers, or of another dimension.
     """
@@ -39,7 +39,8 @@ def numbers(name: str, given: ArrayLike, unit: str, written: str | None = None) 
 
 
 def _converted(name: str, given: Any, unit: str) -> Any:
-    """The magnitudes of a pint quantity in the SI `unit`, by pint itself: it knows units that palpate does not."""
+    """Return the magnitudes of a pint quantity in the SI `unit`, by pint itself: it knows units that palpate does
+    not."""
     try:
         return given.magnitude * (1.0 * given.units).to(unit).magnitude
     except Exception as error:  # of pint, for another dimension or an offset

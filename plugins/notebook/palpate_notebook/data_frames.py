@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
-    """A row for each track and parameter, in display units or in SI."""
+    """Return a row for each track and parameter, in display units or in SI."""
     rows = []
     for name, track in document["tracks"].items():
         values = {**track["parameters"], **track.get("derived", {}), "surface": track["surface"]}
@@ -33,7 +33,8 @@ def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
 
 
 def fit_frame(samples: Samples, measured: Floats, modelled: Floats) -> pandas.DataFrame:
-    """A row for each sample: the motion, the sensor's force, contact force as measured and modelled, residual [SI]."""
+    """Return a row for each sample: the motion, the sensor's force, contact force as measured and modelled, residual
+    [SI]."""
     columns = {name: getattr(samples, name) for name in ("position", "velocity", "contact", "force")}
     columns |= {"contact_force": measured, "model": modelled, "residual": measured - modelled}
     pandas = library("pandas")
@@ -41,7 +42,8 @@ def fit_frame(samples: Samples, measured: Floats, modelled: Floats) -> pandas.Da
 
 
 def budget_frame(track: Mapping[str, Any]) -> pandas.DataFrame:
-    """A row for each source: its standard uncertainty, and what it gives each value [SI]; combined comes last."""
+    """Return a row for each source: its standard uncertainty, and what it gives each value [SI]; combined comes
+    last."""
     names = list(track["parameters"])
     rows = [
         {"source": row["source"], "u": row["std"], "unit": row["unit"]}

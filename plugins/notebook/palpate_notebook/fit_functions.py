@@ -62,7 +62,7 @@ def prepare(
     uncertainties: Mapping[str, str | float] | None = None,
     rig: Rig = None,
 ) -> Fitter:
-    """A fitter for any number of records: what `fit` does of each, with all that they share done once.
+    """Return a fitter for any number of records: what `fit` does of each, with all that they share done once.
 
     Parts, names, `uncertainties` and `rig` as in `fit`. Raises ConfigurationError for a part that no plugin has.
     """
@@ -80,7 +80,8 @@ def compare(
     rig: Rig = None,
     name: str | None = None,
 ) -> FinishedRun:
-    """Every model with every estimator on one record, read once; parts and names as in `fit`, which raises the same."""
+    """Return every model with every estimator on one record, read once; parts and names as in `fit`, which raises
+    the same."""
     return _estimator(models, estimators, tip, uncertainties, rig).estimate(record, name)
 
 
@@ -91,7 +92,8 @@ def _estimator(
     uncertainties: Mapping[str, str | float] | None,
     rig: Rig,
 ) -> RecordEstimator:
-    """The latest estimator of this thread where it is of the same parts, and of files that have not changed since."""
+    """Return the latest estimator of this thread where it is of the same parts, and of files that have not changed
+    since."""
     parts = [part for part in (*models, *estimators, tip) if isinstance(part, Part)]
     states = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
     facts = facts_in(rig)

@@ -109,11 +109,11 @@ class Fit:
         }
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
-        """A row for each parameter: value, std, combined, unit; in display units, or SI."""
+        """Return a row for each parameter: value, std, combined, unit; in display units, or SI."""
         return self.run.summary(si).loc[self.track.name]
 
     def budget(self) -> pandas.DataFrame:
-        """Every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
+        """Return every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
         return self.track.budget()
 
     @property

@@ -40,7 +40,7 @@ _NAMES = ("file", "sha256")  # keys of a device that name a record; all others s
 
 
 def facts_in(rig: Rig) -> RigFacts:
-    """The facts in a file, or of its keys; none of None. Raises ConfigurationError."""
+    """Return the facts in a file, or of its keys; none of None. Raises ConfigurationError."""
     if rig is None:
         return RigFacts()
     if not isinstance(rig, Mapping):
@@ -82,7 +82,7 @@ class RecordEstimator:
         self._latest: _KindOfRecord | None = None
 
     def pipeline(self, record: Record, name: str | None = None) -> Pipeline:
-        """The pipeline of a record; raises ConfigurationError with every mistake at once."""
+        """Return the pipeline of a record; raises ConfigurationError with every mistake at once."""
         source = source_of(record.name, record.path, self._tables(record, name))
         for assignment in self._assignments(record):
             source.override(assignment)
@@ -104,7 +104,7 @@ class RecordEstimator:
         return finished_run(FinishedRun, outcome, record)
 
     def _text(self, pipeline: Pipeline, devices: Mapping[str, Device], record: Record, name: str | None) -> str:
-        """The pipeline as it is given; with the facts next to the record, as it is resolved."""
+        """Return the pipeline as it is given; with the facts next to the record, as it is resolved."""
         if not self._facts_beside(record):
             return tomli_w.dumps(self._tables(record, name))
         run = pipeline.run.model_copy(update={"name": name or record.name})
@@ -126,7 +126,7 @@ class RecordEstimator:
         return {**tables, **self._part_tables(record)}
 
     def _part_tables(self, record: Record) -> dict[str, Any]:
-        """The tables of tip, models and estimators; raises ConfigurationError where nothing states a tip."""
+        """Return the tables of tip, models and estimators; raises ConfigurationError where nothing states a tip."""
         known = registry.load()
         beside = record.facts.facts.tip if record.facts is not None else None
         is_listed = record.facts is not None and "tip" in record.facts.of_curve_list
@@ -169,7 +169,7 @@ class RecordEstimator:
         return [*facts, *own] if facts else []
 
     def _tracks(self, record: Record, name: str | None) -> RecordTracks:
-        """The tracks of records that are read like this one; those of the latest kind are kept."""
+        """Return the tracks of records that are read like this one; those of the latest kind are kept."""
         ways = {key: {k: v for k, v in table.items() if k not in _NAMES} for key, table in record.devices.items()}
         facts = self._assignments(record), self._part_tables(record).get("indenter")
         kind = json.dumps([ways, dict(record.alignment), record.assumed, str(record.path.parent), facts], default=repr)
@@ -205,7 +205,7 @@ def _streams(devices: Mapping[str, Device]) -> list[tuple[Stream, ...]]:
 
 
 def _named_as(device: Device, table: Mapping[str, Any]) -> Device:
-    """The device with the record that a table names."""
+    """Return the device with the record that a table names."""
     named = {key: Path(table[key]) if key == "file" else table[key] for key in _NAMES if key in table}
     return device.model_copy(update=named)
 
@@ -217,7 +217,7 @@ class Fitter:
         self._estimator = estimator
 
     def fit(self, record: Record, *, name: str | None = None) -> Fit:
-        """The fit of a record, to the same digits as `palpate.fit`.
+        """Return the fit of a record, to the same digits as `palpate.fit`.
 
         Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
         """
@@ -230,7 +230,7 @@ class Fitter:
         progress: Callable[[int], object] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Iterator[Fit | PalpateError]:
-        """The fit of each record in their order, or the error by which it is refused; the others are fitted.
+        """Yield the fit of each record in their order, or the error by which it is refused; the others are fitted.
 
         `progress` gets how many are done; where `cancelled` answers True, no further record is begun.
         """

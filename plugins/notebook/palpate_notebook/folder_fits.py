@@ -77,7 +77,7 @@ def _facts(rig: Rig) -> list[str]:
 
 
 def folder_frame(folder: FitFolder, si: bool = True) -> pandas.DataFrame:
-    """The rows of a folder of fits; the units of its columns are in ``attrs["units"]``."""
+    """Return the rows of a folder of fits; the units of its columns are in ``attrs["units"]``."""
     known = {name: folder.units.get(name, "1") for name in folder.values}
     by_column = {f"{name}{kind}": unit for name, unit in known.items() for kind in _KINDS} | _OTHERS
     shown = {column: (unit, 1.0) if si else display_unit(unit) for column, unit in by_column.items()}

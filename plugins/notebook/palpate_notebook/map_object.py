@@ -66,7 +66,7 @@ class MapView:
         return library("pandas").DataFrame(rows, columns=["x", "y", "contrast", "std", "p"])
 
     def plot(self) -> Picture:
-        """The map with its standard deviation and the lumps, or the curve along the line."""
+        """Return the map with its standard deviation and the lumps, or the curve along the line."""
         if self.field is not None:
             return Picture(map_picture(self.field, self.parameter, self.unit, self.findings, self.outlines))
         along = map_analysis.line_coordinate(self.sites)
@@ -103,7 +103,7 @@ def map_of(
     cell: str | float,
     method: Literal["gaussian-process", "average"] = "gaussian-process",
 ) -> MapView:
-    """The map, or the curve along a line; raises LogError where there are too few places, ConfigurationError."""
+    """Return the map, or the curve along a line; raises LogError where there are too few places, ConfigurationError."""
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'method: {method!r} is not one of "gaussian-process" and "average"')
     try:

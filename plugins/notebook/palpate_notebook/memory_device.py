@@ -86,7 +86,7 @@ class _MemoryLink:
     columns: NamedColumns
 
     def batches(self) -> Iterator[Batch]:
-        """The readings in their order, some thousand at a time."""
+        """Yield the readings in their order, some thousand at a time."""
         for begin in range(0, len(self.columns.time), _BLOCK):
             rows = slice(begin, begin + _BLOCK)
             stamps = self.columns.time[rows]

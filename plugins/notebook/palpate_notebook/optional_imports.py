@@ -9,7 +9,7 @@ from palpate import UserError
 
 
 def library(name: str) -> Any:
-    """A library of the extra ``notebook``; raises UserError where it is not installed."""
+    """Return a library of the extra ``notebook``; raises UserError where it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:

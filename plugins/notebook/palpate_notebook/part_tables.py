@@ -14,7 +14,7 @@ _UNCHECKED = "unchecked"
 
 
 def source_of(name: str, path: Path, tables: dict[str, Any]) -> Source:
-    """The tables as the pipeline of a record; raises ConfigurationError for what TOML cannot hold."""
+    """Return the tables as the pipeline of a record; raises ConfigurationError for what TOML cannot hold."""
     try:
         return Source(tomli_w.dumps(tables), path)
     except TypeError as error:
@@ -24,7 +24,7 @@ def source_of(name: str, path: Path, tables: dict[str, Any]) -> Source:
 
 
 def part_tables(given: Sequence[str | Part], kind: str, known: Registry, with_tip: bool) -> dict[str, Any]:
-    """A table for each part, by a short name that no other has."""
+    """Return a table for each part, by a short name that no other has."""
     tables: dict[str, Any] = {}
     for part in given:
         if isinstance(part, str):
@@ -43,7 +43,8 @@ def part_tables(given: Sequence[str | Part], kind: str, known: Registry, with_ti
 
 
 def table_of(part: object, what: str, kind: str, known: Registry) -> dict[str, Any]:
-    """A part as a table of a pipeline file; raises ConfigurationError for what is not a part of an installed plugin."""
+    """Return a part as a table of a pipeline file; raises ConfigurationError for what is not a part of an installed
+    plugin."""
     if not isinstance(part, Part) or part.kind != kind:
         raise ConfigurationError(f"{what}: {part!r} is neither of kind {kind} nor the name of such a part")
     if not any(entry.part is type(part) for entry in known.parts[kind].values()):

@@ -26,7 +26,7 @@ class Draft:
     changes: tuple[str, ...] = ()  # "table.key=value", as of `--set`
 
     def set(self, key: str, value: object) -> Draft:
-        """A draft with one setting changed: ``set("estimator.ekf.force_std", "0.03 N")``.
+        """Return a draft with one setting changed: ``set("estimator.ekf.force_std", "0.03 N")``.
 
         Raises ConfigurationError for a value that no pipeline file can hold; keys are judged with everything else.
         """
@@ -41,7 +41,7 @@ class Draft:
         return source
 
     def check(self) -> Pipeline:
-        """The pipeline, checked; raises ConfigurationError with every mistake at once."""
+        """Return the pipeline, checked; raises ConfigurationError with every mistake at once."""
         return build_pipeline(self.source)
 
     def run(self, folder: str | Path | None = None, *, seed: int | None = None) -> FinishedRun:
@@ -62,7 +62,7 @@ class Draft:
 
 
 def toml_value(key: str, value: object) -> str:
-    """A value as TOML writes it; raises ConfigurationError for one that it cannot."""
+    """Return a value as TOML writes it; raises ConfigurationError for one that it cannot."""
     plain: Any = value
     if hasattr(plain, "tolist"):
         plain = plain.tolist()
@@ -81,7 +81,8 @@ def toml_value(key: str, value: object) -> str:
 
 
 def load(path: str | Path) -> Draft:
-    """A pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is not TOML."""
+    """Return a pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is not
+    TOML."""
     source = Source.read(Path(path))
     return Draft(source.path, source.text)
 

@@ -50,7 +50,7 @@ class UncertainQuantity(float):
     verdict: str = ""  # good, doubtful, not determined, invalid, or needs and the fact that it needs
 
     def __new__(cls, name: str, value: float, *_: object, **__: object) -> UncertainQuantity:
-        """The number that it is."""
+        """Return the number that it is."""
         return super().__new__(cls, value)
 
     @classmethod
@@ -69,7 +69,7 @@ class UncertainQuantity(float):
         )
 
     def to(self, unit: str) -> float:
-        """The value in another unit, such as ``to("MPa")``; raises ConfigurationError for another dimension."""
+        """Return the value in another unit, such as ``to("MPa")``; raises ConfigurationError for another dimension."""
         try:
             return self.value / to_si(f"1 {unit}", self.unit)
         except ValueError as error:

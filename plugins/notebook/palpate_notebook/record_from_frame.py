@@ -20,7 +20,7 @@ _DEVICE = "record"
 
 
 def record_of(given: Any, signals: Mapping[str, str | float] | None = None) -> Record:
-    """A record as it is, one of a log by its path, or one of a table of pandas.
+    """Return a record as it is, one of a log by its path, or one of a table of pandas.
 
     The columns of a table are recognised by their names and numbers, as those of a CSV file (``force_N``,
     ``height [mm]``); units may also be in ``frame.attrs["units"]``. `signals` as in `palpate.read`. Raises
@@ -68,7 +68,7 @@ def _readings(source: Source) -> tuple[tuple[Any, Any], tuple[tuple[str, str], .
 
 
 def _moved(signal: Any, device: str) -> Any:
-    """A signal of the alignment whose channel is one of the record in memory."""
+    """Return a signal of the alignment whose channel is one of the record in memory."""
     if isinstance(signal, Mapping) and "channel" in signal:
         return {**signal, "channel": _moved(signal["channel"], device)}
     return (

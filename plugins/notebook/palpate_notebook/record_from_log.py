@@ -37,7 +37,7 @@ def read(
     tare: str | float | None = None,
     alignment: Mapping[str, Any] | None = None,
 ) -> Record:
-    """A record from a log: .mcap, .db3, a bag folder, .csv, or a run folder.
+    """Return a record from a log: .mcap, .db3, a bag folder, .csv, or a run folder.
 
     A log that palpate has written states its signals, and what was declared of them; `signals` reads
     some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in

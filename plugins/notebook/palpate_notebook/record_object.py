@@ -98,7 +98,7 @@ class Record:
 
 
 def _told(value: object) -> str:
-    """A setting of the alignment; of a signal its channel first, then its keys."""
+    """Return a setting of the alignment; of a signal its channel first, then its keys."""
     if not isinstance(value, Mapping):
         return printable(str(value))
     others = (f"{key} {item}" for key, item in value.items() if key != "channel")
@@ -125,7 +125,7 @@ def record(
     alignment: Mapping[str, Any] | None = None,
     name: str = "record",
 ) -> Record:
-    """A record from arrays (n,), pandas columns, xarray variables or pint quantities; plain numbers are SI.
+    """Return a record from arrays (n,), pandas columns, xarray variables or pint quantities; plain numbers are SI.
 
     `time` [s], or dates, or a `rate` in its place; `force` [N], positive where the tip is pushed out; `height` [m],
     positive out of the material; `velocity` [m/s] of that height, left out: central difference of it; `x`, `y` [m]

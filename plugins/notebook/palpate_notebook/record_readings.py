@@ -12,14 +12,15 @@ from palpate_notebook.run_functions import quietly
 
 
 def samples_of(source: Source) -> Samples:
-    """The samples of a record by the pipeline of its devices and alignment; raises ConfigurationError, LogError."""
+    """Return the samples of a record by the pipeline of its devices and alignment; raises ConfigurationError,
+    LogError."""
     pipeline = build_pipeline(source, estimates=False)
     with quietly():
         return RecordTracks(pipeline).estimate().samples
 
 
 def readings_of(source: Source) -> dict[str, Batch]:
-    """All readings of each stream as the devices send them, by "device.stream"; no alignment has a say in them.
+    """Return all readings of each stream as the devices send them, by "device.stream"; no alignment has a say in them.
 
     Raises ConfigurationError for a device that no plugin has, LogError where a log cannot be read.
     """

@@ -146,7 +146,7 @@ class RunData:
         return self._found[0] if self._found is not None else None
 
     def replay(self) -> Self:
-        """The run repeated from its log, to the same estimates; raises LogError where it has none."""
+        """Return the run repeated from its log, to the same estimates; raises LogError where it has none."""
         carried = read_run_log(self.folder)
         if carried is None:
             raise LogError(f"{self.folder}: has no log that carries its pipeline")
@@ -171,7 +171,7 @@ def execute(kind: type[Kind], pipeline: Pipeline, folder: Path | None, holds: ob
 
 
 def finished_run(kind: type[Kind], outcome: RecordOutcome, holds: object) -> Kind:
-    """The outcome of a record in memory as a run, which keeps what it `holds`."""
+    """Return the outcome of a record in memory as a run, which keeps what it `holds`."""
     kept = RunRecorder.of(outcome)
     samples = kept.joined if len(outcome.samples) else None
     found = samples, kept.tables(outcome.result.tracks)

@@ -46,11 +46,11 @@ class RunRecorder:
         return Samples.joined(self.blocks) if self.blocks else None
 
     def tables(self, tracks: Iterable[str]) -> dict[str, TrackTable]:
-        """All estimates of those of the tracks that gave any."""
+        """Return all estimates of those of the tracks that gave any."""
         return {name: self.table(name) for name in tracks if name in self.found}
 
     def table(self, track: str) -> TrackTable:
-        """All estimates of a track."""
+        """Return all estimates of a track."""
         blocks = self.found[track]
 
         def column(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
@@ -80,7 +80,7 @@ def quietly() -> Iterator[None]:
 
 
 def write_run(pipeline: Pipeline) -> Path:
-    """A temporary folder with everything that a run writes; raises UserError."""
+    """Return a temporary folder with everything that a run writes; raises UserError."""
     with run_place(None, True) as place, quietly():
         result = run_pipeline(pipeline, place)
         result.demand_whole()

@@ -56,7 +56,7 @@ def _lines(document: Document) -> list[str]:
 
 
 def run_text(document: Document) -> str:
-    """The table of tracks, findings, open facts and notes, for a terminal."""
+    """Return the table of tracks, findings, open facts and notes, for a terminal."""
     headings, rows = _cells(document)
     widths = [max(len(row[i]) for row in [headings, *rows]) for i in range(len(headings))]
     lines = [title_line(printable(document["run"]["name"]))]
@@ -70,7 +70,7 @@ def run_text(document: Document) -> str:
 
 
 def run_html(document: Document) -> str:
-    """The table of tracks, findings, open facts and notes, for a notebook; every text is escaped."""
+    """Return the table of tracks, findings, open facts and notes, for a notebook; every text is escaped."""
     headings, rows = _cells(document)
     name, listed = escape(printable(document["run"]["name"])), escape("\n".join(_lines(document)))
     return f"<b>{name}</b> {LEGEND}{html_table(headings, rows)}{f'<pre>{listed}</pre>' if listed else ''}"

@@ -34,7 +34,7 @@ class FinishedRun(RunData):
         return {name: read_flags(track["flags"]) for name, track in self.document["tracks"].items()}
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
-        """A row for each track and parameter: value, std, combined, unit, verdict; in display units, or SI."""
+        """Return a row for each track and parameter: value, std, combined, unit, verdict; in display units, or SI."""
         from palpate_notebook.data_frames import summary_frame
 
         return summary_frame(self.document, si)
@@ -51,7 +51,7 @@ class FinishedRun(RunData):
         cell: str | float = "1 mm",
         method: Literal["gaussian-process", "average"] = "gaussian-process",
     ) -> MapView:
-        """The map of a parameter over the places of the run, or its curve along a line.
+        """Return the map of a parameter over the places of the run, or its curve along a line.
 
         By default of its best track's first parameter. Raises LogError where there are too few places.
         """
@@ -85,6 +85,6 @@ class FinishedRun(RunData):
 
 
 def open_run(folder: str | Path) -> FinishedRun:
-    """A run that was made before, from its folder; raises LogError where it is not a run folder."""
+    """Return a run that was made before, from its folder; raises LogError where it is not a run folder."""
     place = Path(folder)
     return FinishedRun(place, RunFolder(place).result)

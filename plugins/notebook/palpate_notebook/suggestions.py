@@ -22,7 +22,8 @@ _MEANT = {  # by names of other programs
 
 
 def with_suggestions(kind: type[T]) -> type[T]:
-    """A class whose AttributeError names what is alike: its own names, and the values that are reached by ["name"]."""
+    """Return a class whose AttributeError names what is alike: its own names, and the values that are reached by
+    ["name"]."""
     own = kind.__name__
 
     def absent(self: Any, name: str) -> Any:

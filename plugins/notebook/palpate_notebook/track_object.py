@@ -84,7 +84,7 @@ class TrackView:
         return self._estimates().sel(track=self.name)
 
     def budget(self) -> pandas.DataFrame:
-        """Every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
+        """Return every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
         from palpate_notebook.data_frames import budget_frame
 
         return budget_frame(self.document)

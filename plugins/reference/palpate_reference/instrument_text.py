@@ -25,7 +25,7 @@ class TextLine:
     cells: tuple[str, ...]
 
     def cell(self, column: int) -> str:
-        """A cell; empty where the line ends before it."""
+        """Return a cell; empty where the line ends before it."""
         return self.cells[column] if column < len(self.cells) else ""
 
 
@@ -44,22 +44,23 @@ class InstrumentText:
         return [line.cell(0).lower() for line in self.lines]
 
     def is_number(self, cell: str) -> bool:
-        """Whether a cell is a number."""
+        """Return True if a cell is a number."""
         return self.dialect.is_number(cell)
 
     def is_row(self, line: TextLine) -> bool:
-        """Whether a line is one of numbers: two at least, and more of them than of texts."""
+        """Return True if a line is one of numbers: two at least, and more of them than of texts."""
         filled = [cell for cell in line.cells if cell]
         numbers = sum(map(self.is_number, filled))
         return numbers >= 2 and numbers > len(filled) - numbers
 
     def number(self, cell: str) -> float:
-        """The number in a cell; raises ValueError."""
+        """Return the number in a cell; raises ValueError."""
         return number(cell, self.dialect.decimal, self.dialect.thousands)
 
 
 def read_text(path: Path) -> InstrumentText:
-    """The lines of a text, plain, gzipped or a workbook; raises LogError where it cannot be read, or is empty."""
+    """Return the lines of a text, plain, gzipped or a workbook; raises LogError where it cannot be read, or is
+    empty."""
     raw: list[str] = []
     with open_text(path) as file:
         size = 0

@@ -115,7 +115,7 @@ def remarks(fits: Sequence[AnyFit]) -> list[str]:
 
 
 def law_document(fit: AnyFit, supported: bool) -> dict[str, Any]:
-    """A fitted law as plain data [SI]."""
+    """Return a fitted law as plain data [SI]."""
     return {
         "law": fit.law.name, "formula": fit.law.formula, "supported": supported, "bic": fit.bic, "chi2": fit.chi2,
         "freedom": fit.freedom, "p": fit.p, "residual": fit.scatter, "autocorrelation": fit.autocorrelation,

@@ -30,7 +30,7 @@ class MaterialTable:
 
     @property
     def sweeps_frequency(self) -> bool:
-        """Whether an oscillation has several frequencies."""
+        """True if an oscillation has several frequencies."""
         return self.kind == "oscillation" and float(self.x.max()) > (1.0 + _SAME) * float(self.x.min())
 
     @property
@@ -49,7 +49,7 @@ class TableSettings:
 
 
 def frequency_or_time(kind: Kind) -> str:
-    """The SI unit of the axis of a kind of table."""
+    """Return the SI unit of the axis of a kind of table."""
     return {"oscillation": "Hz", "relaxation": "s", "creep": "s", "stress-strain": "1"}[kind]
 
 

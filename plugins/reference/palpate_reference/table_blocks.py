@@ -92,7 +92,7 @@ def _trios(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
 
 
 def _lims_step(text: InstrumentText, first: Sequence[str], begin: int, end: int, shear: bool | None) -> TableBlock:
-    """A step whose lines say what they are: step name, number of points, variables, units, data points."""
+    """Return a step whose lines say what they are: step name, number of points, variables, units, data points."""
     at = {first[k]: text.lines[k] for k in range(begin + 1, end) if first[k] != _POINT}
     names, units = at[_VARIABLES], at.get("units", TextLine(0, ()))
     rows = tuple(text.lines[k] for k in range(begin, end) if first[k] == _POINT)

@@ -95,7 +95,7 @@ def demand_names(text: InstrumentText, heads: set[str], option: str, stated: Ite
 
 
 def name_and_unit(head: str) -> tuple[str, str]:
-    """A name without its unit, and that.
+    """Return a name without its unit, and that.
 
     >>> name_and_unit("G' [kPa]"), name_and_unit("E_std_Pa"), name_and_unit("J_per_Pa"), name_and_unit("G(t) (Pa)")
     (("G'", 'kPa'), ('E std', 'Pa'), ('J', '1/Pa'), ('G(t)', 'Pa'))
@@ -118,7 +118,7 @@ def name_and_unit(head: str) -> tuple[str, str]:
 
 
 def _inside(name: str) -> str:
-    """The name that stands in brackets, or none."""
+    """Return the name that stands in brackets, or none."""
     name = name.lstrip("( ")
     return name.removesuffix(")") if name.count(")") > name.count("(") else name
 
@@ -140,7 +140,7 @@ def _column(index: int, head: str, name: str, unit: str) -> TableColumn | None:
 
 
 def si_values(text: InstrumentText, block: TableBlock, column: TableColumn) -> Floats:
-    """The numbers (n,) of a column in SI, NaN where a cell is empty; raises LogError with line and column."""
+    """Return the numbers (n,) of a column in SI, NaN where a cell is empty; raises LogError with line and column."""
     factor, zero = _scale(text, block, column)
     values = np.empty(len(block.rows))
     for k, line in enumerate(block.rows):
@@ -160,7 +160,8 @@ def si_values(text: InstrumentText, block: TableBlock, column: TableColumn) -> F
 
 
 def _scale(text: InstrumentText, block: TableBlock, column: TableColumn) -> tuple[float, float]:
-    """How much of the SI unit of its role one of a column's unit is, and what nought of it is; raises LogError."""
+    """Return how much of the SI unit of its role one of a column's unit is, and what nought of it is; raises
+    LogError."""
     if _ROLES[column.role][0] != "°C":
         return _factor(text, block, column), 0.0
     unit = column.unit.lstrip("°º \u02da\N{REPLACEMENT CHARACTER}").removeprefix("deg").strip() or "C"
@@ -170,7 +171,7 @@ def _scale(text: InstrumentText, block: TableBlock, column: TableColumn) -> tupl
 
 
 def _factor(text: InstrumentText, block: TableBlock, column: TableColumn) -> float:
-    """How much of the SI unit of its role one of a column's unit is; raises LogError."""
+    """Return how much of the SI unit of its role one of a column's unit is; raises LogError."""
     si = _ROLES[column.role][0]
     at = place(text, block, column)
     if not si:

@@ -62,7 +62,7 @@ def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], p
 
 
 def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
-    """A law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
+    """Return a law by least squares of relative errors; None where the readings are too few for it, or it fits nowhere.
 
     Readings that state an uncertainty are weighed by it; those of another table by its scatter, which is found with
     the law. All values of a table share an error of its scale, and all moduli of shear that of Poisson's ratio:
@@ -87,7 +87,7 @@ def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
 
 
 def _level_and_times(problem: FitProblem) -> tuple[float, Floats]:
-    """The usual Young's modulus [Pa], and the times [s] of all readings."""
+    """Return the usual Young's modulus [Pa], and the times [s] of all readings."""
     levels, times = [], []
     for table in problem.tables:
         per = 2.0 * (1.0 + problem.poisson) if table.shear else 1.0

@@ -44,7 +44,7 @@ _ROWS = 3  # that make a relaxation or a creep
 
 
 def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
-    """Every table of a file that holds moduli, a compliance, or stress over strain; raises LogError for none."""
+    """Return every table of a file that holds moduli, a compliance, or stress over strain; raises LogError for none."""
     text = read_text(path)
     blocks = table_blocks(text)
     heads = {name for block in blocks for name in block.names}
@@ -68,7 +68,8 @@ def read_tables(path: Path, settings: TableSettings) -> list[MaterialTable]:
 
 
 def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableColumn]) -> Kind | None:
-    """The kind of a table by the columns it fills; a flow curve, or a modulus over time in oscillation, is left out."""
+    """Return the kind of a table by the columns it fills; a flow curve, or a modulus over time in oscillation, is
+    left out."""
     if _FLOWS.search(block.title):
         return None
     filled = {role for role, column in columns.items() if any(line.cell(column.index) for line in block.rows)}
@@ -91,12 +92,13 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
 
 
 def moduli_among(roles: Collection[str]) -> tuple[str, ...]:
-    """The two roles of columns by which storage and loss are known: themselves, or one with the angle between them."""
+    """Return the two roles of columns by which storage and loss are known: themselves, or one with the angle between
+    them."""
     return next((pair for pair in _MODULI if {*pair} <= {*roles}), ())
 
 
 def _spread(values: Floats) -> float:
-    """The usual distance from the median over that; infinite without one."""
+    """Return the usual distance from the median over that; infinite without one."""
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     return float(np.nanmean(np.abs(values - middle))) / abs(middle) if middle else math.inf
 
@@ -221,7 +223,8 @@ def _check_frequency(
 
 
 def _shear(text: InstrumentText, block: TableBlock, column: TableColumn, kind: Kind, settings: TableSettings) -> bool:
-    """Whether moduli are those of shear, as a person, the column, the file or its format says; raises LogError."""
+    """Return True if moduli are those of shear, as a person, the column, the file or its format says; raises
+    LogError."""
     if kind == "stress-strain":
         return "shear" in column.name.lower()
     said = [settings.shear, column.shear, block.shear]

@@ -64,7 +64,7 @@ def _commands(source: str, tables: Sequence[MaterialTable]) -> list[str]:
 
 
 def _is_of_material(block: TableBlock, columns: dict[str, TableColumn]) -> bool:
-    """Whether a table holds moduli, or stress over strain without the force and travel of a log."""
+    """Return True if a table holds moduli, or stress over strain without the force and travel of a log."""
     if block.format != GENERIC and columns:
         return True
     named = {

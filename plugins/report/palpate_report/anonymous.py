@@ -19,7 +19,7 @@ _LEAST = 3  # characters of a host's name that is looked for in texts
 
 
 def last_name(path: str) -> str:
-    """The last name of a path of any system.
+    """Return the last name of a path of any system.
 
     >>> last_name("/home/jane/log.mcap")
     'log.mcap'
@@ -28,7 +28,7 @@ def last_name(path: str) -> str:
 
 
 def without_paths(text: str, hosts: tuple[str, ...] = (), roots: tuple[str, ...] = ()) -> str:
-    """A text in which every path is its last name, and no host is named.
+    """Return a text in which every path is its last name, and no host is named.
 
     >>> without_paths('path = "/home/jane doe/log.mcap"  # on lab-7', ("lab-7",))
     'path = "log.mcap"  # on (host)'
@@ -60,11 +60,11 @@ class Anonymous:
         self._roots = tuple(dict.fromkeys(path for path in named if len(path) > _LEAST))
 
     def text(self, text: str) -> str:
-        """A text without host and paths."""
+        """Return a text without host and paths."""
         return without_paths(text, self._hosts, self._roots)
 
     def tree(self, value: Any) -> Any:
-        """A document without host, command and paths."""
+        """Return a document without host, command and paths."""
         if isinstance(value, Mapping):
             return {
                 self.text(str(key)): self.tree(item) for key, item in value.items() if key not in ("host", "command")
@@ -81,7 +81,7 @@ def _is_path(text: str) -> bool:
 
 
 def _paths(value: Any) -> list[str]:
-    """Every text of a document that is a path."""
+    """Return every text of a document that is a path."""
     if isinstance(value, Mapping):
         return [path for item in value.values() for path in _paths(item)]
     if isinstance(value, list | tuple):

@@ -48,7 +48,7 @@ def _short_name(author: str) -> str:
 
 @cache
 def references() -> dict[str, CitedWork]:
-    """Every reference by its key."""
+    """Return every reference by its key."""
     text = files("palpate_report").joinpath("references.bib").read_text(encoding="utf-8")
     found = {}
     for match in _ENTRY.finditer(text):
@@ -59,7 +59,7 @@ def references() -> dict[str, CitedWork]:
 
 
 def keys_of(sources: str) -> tuple[str, ...]:
-    """The references that a text on sources names, in the order in which it names them."""
+    """Return the references that a text on sources names, in the order in which it names them."""
     places = {key: sources.find(reference.fields["sources"]) for key, reference in references().items()}
     return tuple(sorted((key for key, place in places.items() if place >= 0), key=lambda key: places[key]))
 
@@ -71,5 +71,5 @@ def sources_of(part: type) -> str:
 
 
 def bibtex_of(keys: Sequence[str]) -> str:
-    """The entries of some references."""
+    """Return the entries of some references."""
     return "\n\n".join(references()[key].bibtex for key in sorted(keys)) + "\n"

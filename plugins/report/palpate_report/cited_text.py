@@ -14,7 +14,7 @@ _CITED = re.compile(" ?\ue000([\\w,]+)\ue001")  # private characters, which no p
 
 
 def cite(keys: Sequence[str]) -> str:
-    """The mark of a citation within a text; nothing where nothing is cited."""
+    """Return the mark of a citation within a text; nothing where nothing is cited."""
     return f" \ue000{','.join(keys)}\ue001" if keys else ""
 
 

@@ -23,7 +23,7 @@ def caption_of(parameter: str, noun: str = "run") -> str:
 
 @style()
 def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
-    """A parameter of each run in its group's colour, with bars of two combined uncertainties."""
+    """Return a parameter of each run in its group's colour, with bars of two combined uncertainties."""
     word, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
     axis = axes[0, 0]
@@ -74,7 +74,7 @@ def _level(run: GroupRun, track: str) -> str | None:
 
 @style()
 def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
-    """The places of the runs, coloured by value; None where they are one place."""
+    """Return the places of the runs, coloured by value; None where they are one place."""
     found = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
     if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < APART:
         return None

@@ -33,7 +33,8 @@ _COMPARED = ("value", "combined", "systematic", "unit", "verdict")  # of each pa
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
-    """The whole page of many runs, read one by one; raises LogError where one is not a run, or none has a result."""
+    """Return the whole page of many runs, read one by one; raises LogError where one is not a run, or none has a
+    result."""
     pipelines = dict[str, str]()  # each text once: most runs share one
     runs = [_run(name, path, pipelines, anonymous) for name, paths in groups.items() for path in paths]
     return page_of_runs(runs, list(groups), track)
@@ -138,7 +139,7 @@ def _place(record: RunContents) -> tuple[float, float] | None:
 
 
 def _track_of(runs: Sequence[GroupRun], track: str | None) -> str:
-    """The track that is compared: the one chosen, or the one that is the main one of most runs."""
+    """Return the track that is compared: the one chosen, or the one that is the main one of most runs."""
     known = list(dict.fromkeys(name for run in runs for name in run.tracks))
     if track is not None and track not in known:
         raise ConfigurationError(f"--track: no run has {track!r} (there are: {', '.join(known)})")
@@ -184,7 +185,7 @@ def _statistics(
 
 
 def _tests(comparison: GroupComparison, parameter: str, unit: str) -> list[dict[str, str]]:
-    """The differences of groups that were tested, those of the smallest p-values."""
+    """Return the differences of groups that were tested, those of the smallest p-values."""
     word, factor = display_unit(unit)
     return [
         {
@@ -222,7 +223,7 @@ def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, 
 
 
 def _pipelines(runs: Sequence[GroupRun]) -> dict[str, Any]:
-    """The pipeline of the first run as run, and how those of the others differ from it."""
+    """Return the pipeline of the first run as run, and how those of the others differ from it."""
     known = [(run, run.pipeline) for run in runs if run.pipeline]
     if not known:
         return {}

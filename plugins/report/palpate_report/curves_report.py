@@ -26,7 +26,7 @@ from palpate_report.run_verdict import LEVELS, RunVerdict, TrackVerdict
 def curves_page(
     path: Path, track: str | None, anonymous: bool, by: str | None, where: str | None, unit: str | None = None
 ) -> str:
-    """The whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
+    """Return the whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
     Raises LogError, and ConfigurationError for an unknown track, column, unit or filter word.
     """
@@ -42,7 +42,8 @@ def curves_page(
 
 
 def _pipeline_text(folder: FitFolder, curve: str) -> str:
-    """The pipeline of a curve as it is run, seen from the folder; where its parts are not here, that of all curves."""
+    """Return the pipeline of a curve as it is run, seen from the folder; where its parts are not here, that of all
+    curves."""
     try:
         with inherited_approval(folder.approved):
             return resolved_text(build_pipeline(curve_source(folder, curve)), folder.path)
@@ -51,7 +52,7 @@ def _pipeline_text(folder: FitFolder, curve: str) -> str:
 
 
 def folder_facts(path: Path, track: str | None, by: str | None, where: str | None) -> FolderFacts:
-    """The rows of a folder of fits that are reported; raises LogError, ConfigurationError."""
+    """Return the rows of a folder of fits that are reported; raises LogError, ConfigurationError."""
     folder = FitFolder(path)
     for option, name, known in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
         if name is not None and name not in known:

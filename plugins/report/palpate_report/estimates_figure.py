@@ -17,7 +17,7 @@ _PANELS = 8
 
 
 def estimates(subject: Subject) -> ReportFigure | None:
-    """Every parameter over time with bands of two standard deviations, by model; the truth where it is known."""
+    """Return every parameter over time with bands of two standard deviations, by model; the truth where it is known."""
     panels = [(names, parameter) for names, parameter in _panels(subject) if names][:_PANELS]
     if not panels:
         return None

@@ -48,7 +48,7 @@ class Curves:
 
 
 def curves_of(record: RunContents, name: str) -> Curves:
-    """The curves of one track of a run."""
+    """Return the curves of one track of a run."""
     table, track = record.tracks[name]
     measured = table.measured
     time, force = measured["time"], measured["force"]
@@ -89,7 +89,7 @@ def along(place: Floats) -> Floats | None:
 
 
 def swept(place: Floats) -> bool:
-    """Whether the places (n, 2) [m] of a run are far enough apart for a map."""
+    """Return True if the places (n, 2) [m] of a run are far enough apart for a map."""
     known = place[np.isfinite(place).all(axis=1)]
     return bool(len(known) and np.ptp(known, axis=0).max() > _SWEPT)
 

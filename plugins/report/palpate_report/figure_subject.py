@@ -37,19 +37,19 @@ class Subject:
     _known: dict[str, Curves] = field(default_factory=dict)
 
     def curves(self, name: str) -> Curves:
-        """The curves of one track."""
+        """Return the curves of one track."""
         if name not in self._known:
             self._known[name] = curves_of(self.record, name)
         return self._known[name]
 
 
 def beside(subject: Subject, panels: int) -> int:
-    """How many panels there is room for side by side."""
+    """Return how many panels there is room for side by side."""
     return min(panels, 2 if subject.width > _NARROW else 1)
 
 
 def pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:
-    """A figure with one or two panels, side by side where there is room."""
+    """Return a figure with one or two panels, side by side where there is room."""
     columns = beside(subject, panels)
     figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=52.0)
     return figure, list(axes.ravel())

@@ -85,7 +85,7 @@ class FolderFacts:
         return sum(bool(self.folder.own.get(row.curve)) for row in self.rows)
 
     def typical(self, name: str) -> CurveRow | None:
-        """The used row whose value is the middle one; None where none has a number."""
+        """Return the used row whose value is the middle one; None where none has a number."""
         known = sorted((value, row.curve, row) for row in self.used if (value := row.usable_number(name)) is not None)
         return known[(len(known) - 1) // 2][2] if known else None
 
@@ -100,7 +100,7 @@ class FolderFacts:
 
 
 def exclusion_of(row: CurveRow) -> str:
-    """Why a curve is not used."""
+    """Return why a curve is not used."""
     if row.rejected is not None:
         return f"rejected on inspection: {row.rejected or 'no reason stated'}"
     if row.state == "missing":
@@ -110,5 +110,5 @@ def exclusion_of(row: CurveRow) -> str:
 
 
 def libraries(entries: Sequence[FitProvenance]) -> Mapping[str, str]:
-    """The versions of the latest command, by name."""
+    """Return the versions of the latest command, by name."""
     return entries[-1].versions if entries else {}

@@ -70,7 +70,7 @@ def _measured(facts: FolderFacts) -> Mapping[str, str]:
 
 
 def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
-    """The budget of the row whose first value is the middle one, as its fit finds it again."""
+    """Return the budget of the row whose first value is the middle one, as its fit finds it again."""
     row = facts.typical(facts.values[0]) if facts.values else None
     if row is None or not facts.folder.file_of(row.curve):
         return None
@@ -80,7 +80,7 @@ def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
 
 
 def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
-    """The best, the middle and the worst curve, and some that are not used."""
+    """Return the best, the middle and the worst curve, and some that are not used."""
     folder: FitFolder = facts.folder
     found = []
     ranked = ranked_rows(facts)

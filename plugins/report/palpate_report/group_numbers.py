@@ -37,7 +37,7 @@ class GroupRun:
 
 
 def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | None:
-    """A run's value; None where it has none, or must not be used."""
+    """Return a run's value; None where it has none, or must not be used."""
     table = run.tracks.get(track)
     return usable_value(table, parameter) if table is not None else None
 

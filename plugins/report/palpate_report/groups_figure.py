@@ -54,7 +54,7 @@ def folder_comparison(
 
 @style()
 def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width: float) -> GroupsFigure:
-    """The figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
+    """Return the figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
     words = readable(parameter)
     word, factor = display_unit(unit)
     figure, axes = figure_of(width=width, height=min(0.7 * width, 80.0))
@@ -84,7 +84,7 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
 
 
 def _csv(comparison: GroupComparison, parameter: str, unit: str) -> str:
-    """A row for each unit [SI], with mean and interval of its group."""
+    """Return a row for each unit [SI], with mean and interval of its group."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     end = f" [{unit}]" if unit else ""

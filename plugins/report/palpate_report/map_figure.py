@@ -16,7 +16,8 @@ from palpate_report.run_map import grid_of, surface_map_of
 
 
 def draw_map(subject: Subject) -> ReportFigure | None:
-    """The map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found some."""
+    """Return the map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found
+    some."""
     if subject.main is None or not swept(subject.curves(subject.main).place):
         return None
     main = subject.curves(subject.main)

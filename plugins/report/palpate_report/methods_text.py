@@ -94,7 +94,7 @@ def _size(quantity: Quantity) -> str:
 
 
 def _std(pipeline: Pipeline, key: str, unit: str) -> Phrase:
-    """The standard uncertainty that is stated of a number of the model or its tip, in brackets."""
+    """Return the standard uncertainty that is stated of a number of the model or its tip, in brackets."""
     stated = pipeline.run.uncertainties.get(key)
     return _in_brackets(None if stated is None else to_si(stated, unit), unit)
 

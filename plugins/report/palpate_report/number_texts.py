@@ -13,7 +13,7 @@ from palpate_kit.terminal.quantities import unsigned
 
 
 def number_text(value: float, unit: str) -> str:
-    """A number in display units.
+    """Return a number in display units.
 
     >>> number_text(1772.66, "Pa")
     '1.77 kPa'
@@ -23,7 +23,7 @@ def number_text(value: float, unit: str) -> str:
 
 
 def value_of(found: Mapping[str, Any]) -> str:
-    """A value with its combined standard uncertainty and unit; or why it has none, or a dash.
+    """Return a value with its combined standard uncertainty and unit; or why it has none, or a dash.
 
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
@@ -33,7 +33,7 @@ def value_of(found: Mapping[str, Any]) -> str:
 
 
 def range_of(found: Mapping[str, Any]) -> str:
-    """A value as on every screen: along a path its range with its verdict.
+    """Return a value as on every screen: along a path its range with its verdict.
 
     >>> places = {"low": 110e3, "high": 150e3}
     >>> range_of({"value": 120e3, "combined": 9e3, "unit": "Pa", "verdict": "good", "places": places})
@@ -50,7 +50,7 @@ def parts_of(found: Mapping[str, Any]) -> str:
 
 
 def readable(name: str) -> str:
-    """A key of the result as words.
+    """Return a key of the result as words.
 
     >>> readable("relaxation_time")
     'relaxation time'
@@ -74,7 +74,7 @@ def plain(value: Any) -> str:
 
 
 def chance(p: float | None) -> str:
-    """A p-value.
+    """Return a p-value.
 
     >>> chance(1e-120)
     '< 1e-99'
@@ -85,7 +85,7 @@ def chance(p: float | None) -> str:
 
 
 def embed_json(document: Any, indent: int | None = 1) -> str:
-    """A document as JSON that may stand within a page's script element, whatever texts are in it."""
+    """Return a document as JSON that may stand within a page's script element, whatever texts are in it."""
     text = json.dumps(document, indent=indent, allow_nan=False, ensure_ascii=True)
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
@@ -93,7 +93,7 @@ def embed_json(document: Any, indent: int | None = 1) -> str:
 
 
 def millimetres(length: float) -> str:
-    """A length [m] as a number of mm, to a tenth.
+    """Return a length [m] as a number of mm, to a tenth.
 
     >>> millimetres(-1e-6), millimetres(0.0123)
     ('0.0', '12.3')

@@ -41,7 +41,7 @@ class RunContents:
 
     @classmethod
     def read(cls, path: Path) -> RunContents:
-        """The folder of a run, or of its result.json; raises LogError for anything else."""
+        """Return the folder of a run, or of its result.json; raises LogError for anything else."""
         folder = path.parent if path.name == "result.json" else path
         if not folder.is_dir() or not (RunFolder(folder).began or any((folder / name).is_file() for name in _SIGNS)):
             raise LogError(f"{path}: is not a run folder: it has none of {', '.join(_SIGNS)}")
@@ -146,7 +146,7 @@ class RunContents:
         return sorted(file.name for file in self.path.glob("*.mcap"))
 
     def result(self) -> Result:
-        """The result as sections of a report take it; raises LogError if it is missing."""
+        """Return the result as sections of a report take it; raises LogError if it is missing."""
         document = self.folder.result
         tracks = {name: _track(table) for name, table in document["tracks"].items()}
         run, streams, truth = document["run"], document["streams"], document["truth"]
@@ -182,7 +182,7 @@ def _value(table: Mapping[str, Any]) -> UncertainValue:
 
 
 def _object(kind: type[_Kind], table: Mapping[str, Any], **others: Any) -> _Kind:
-    """An object of a table's keys and of others; keys of a later version are left alone."""
+    """Return an object of a table's keys and of others; keys of a later version are left alone."""
     return kind(**{field.name: table[field.name] for field in fields(kind) if field.name in table} | others)  # type: ignore[arg-type]
 
 

@@ -42,7 +42,8 @@ def force_depth(subject: Subject) -> ReportFigure | None:
 
 
 def _long(curves: Curves) -> float:
-    """How much of the end is drawn [s]: everything of a point, the last seconds of a sweep, whose material changes."""
+    """Return how much of the end is drawn [s]: everything of a point, the last seconds of a sweep, whose material
+    changes."""
     return _CLOSE if swept(curves.place) else np.inf
 
 
@@ -129,5 +130,5 @@ PICTURES: dict[str, Callable[[Subject], ReportFigure | None]] = {
 
 @style()
 def draw(name: str, subject: Subject) -> ReportFigure | None:
-    """A picture by its name, in palpate's style; None where the run has nothing to show for it."""
+    """Return a picture by its name, in palpate's style; None where the run has nothing to show for it."""
     return PICTURES[name](subject)

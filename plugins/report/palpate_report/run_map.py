@@ -39,7 +39,7 @@ class Grid:
 
 
 def surface_map_of(record: RunContents, parameter: str) -> SurfaceMap | None:
-    """The newest map of `palpate map` where that is on a surface, and of a parameter; else None."""
+    """Return the newest map of `palpate map` where that is on a surface, and of a parameter; else None."""
     for path in _newest_first(record.folder.maps)[:1]:
         if path.with_suffix(".ply").is_file():
             found = read_surface_map(path.with_suffix(".ply"))
@@ -48,13 +48,13 @@ def surface_map_of(record: RunContents, parameter: str) -> SurfaceMap | None:
 
 
 def grid_of(record: RunContents, curves: Curves, parameter: str) -> Grid:
-    """The newest map of `palpate map`, else the latest estimate in each cell that the tip came through."""
+    """Return the newest map of `palpate map`, else the latest estimate in each cell that the tip came through."""
     found = (_interpolated(path, parameter) for path in _newest_first(record.folder.maps))
     return next((grid for grid in found if grid is not None), None) or _visited(curves, parameter)
 
 
 def _newest_first(folder: Path) -> list[Path]:
-    """The tables of maps, map-10 before map-2 before map."""
+    """Return the tables of maps, map-10 before map-2 before map."""
     named = {path: re.fullmatch(r"map(?:-(\d+))?", path.stem) for path in folder.glob("map*.csv")}
     numbers = {path: int(match[1] or 1) for path, match in named.items() if match}
     return sorted(numbers, key=numbers.__getitem__, reverse=True)

@@ -55,7 +55,7 @@ def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = Non
 
 
 def page_of(record: RunContents, track: str | None = None, anonymous: bool = False) -> str:
-    """The whole page of one run."""
+    """Return the whole page of one run."""
     verdict = judge(record)
     subject = subject_of(record, verdict, track)
     veil = Anonymous(record.document, record.resolved, record.path) if anonymous else None
@@ -102,7 +102,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
 
 
 def _box(record: RunContents, document: Mapping[str, Any]) -> ResultBox:
-    """The values of a run with their verdicts, or why it has no result."""
+    """Return the values of a run with their verdicts, or why it has no result."""
     if record.why_not is not None:
         return ResultBox(REFUSED, ("no result",), ((record.why_not, ""),))
     table = document_table(document)
@@ -113,19 +113,20 @@ def _box(record: RunContents, document: Mapping[str, Any]) -> ResultBox:
 
 
 def _comparison(document: Mapping[str, Any]) -> Table | None:
-    """The table that compares the tracks of a run; None of a run with one, or of one before they were compared."""
+    """Return the table that compares the tracks of a run; None of a run with one, or of one before they were
+    compared."""
     table = document_table(document)
     is_compared = any(row.measures is not None for row in table.rows)
     return comparison_table(table, is_whole=True) if is_compared else None
 
 
 def _partition(record: RunContents) -> str:
-    """How many tracks have which word for each value."""
+    """Return how many tracks have which word for each value."""
     return record.why_not or document_table(record.document).partition()
 
 
 def render(template: str, **content: Any) -> str:
-    """A page from a template; every text is escaped unless it is an SVG that was drawn here."""
+    """Return a page from a template; every text is escaped unless it is an SVG that was drawn here."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -220,7 +221,7 @@ def _facts(run: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _truth(document: Mapping[str, Any]) -> list[str]:
-    """The true values of a simulated rig, in the units of the tracks."""
+    """Return the true values of a simulated rig, in the units of the tracks."""
     tables = document.get("tracks", {}).values()
     units = {name: found["unit"] for table in tables for name, found in table["parameters"].items()} | {"surface": "m"}
     return [
@@ -231,7 +232,7 @@ def _truth(document: Mapping[str, Any]) -> list[str]:
 
 
 def _last_rows(record: RunContents) -> list[dict[str, Any]]:
-    """The last usable estimate of each track of a run without a result."""
+    """Return the last usable estimate of each track of a run without a result."""
     found = []
     for name, (_, track) in record.tracks.items():
         rows = track.usable.nonzero()[0]

@@ -48,12 +48,12 @@ class RunVerdict:
         return levels_of(track.level for track in self.tracks)
 
     def of(self, level: str) -> list[TrackVerdict]:
-        """The tracks of one level."""
+        """Return the tracks of one level."""
         return [track for track in self.tracks if track.level == level]
 
 
 def judge(record: RunContents) -> RunVerdict:
-    """The verdict on a run, whether it has a result or not.
+    """Return the verdict on a run, whether it has a result or not.
 
     A track is as good as its verdict in ``result.json``.
     """

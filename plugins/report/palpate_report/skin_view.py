@@ -34,7 +34,7 @@ class SkinView:
 
 
 def skin_view(subject: Subject) -> SkinView | None:
-    """The view of the newest map of a run where that is on a surface, and of its main parameter; else None."""
+    """Return the view of the newest map of a run where that is on a surface, and of its main parameter; else None."""
     if subject.main is None:
         return None
     found = surface_map_of(subject.record, next(iter(subject.curves(subject.main).values)))

@@ -18,7 +18,7 @@ _SPACE = re.compile(r"\n\s*")
 
 @style()
 def svg_text(figure: Any) -> str:
-    """The SVG element of a figure; raises nothing that a page could mend."""
+    """Return the SVG element of a figure; raises nothing that a page could mend."""
     import matplotlib
 
     file = io.StringIO()

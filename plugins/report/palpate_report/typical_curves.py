@@ -37,7 +37,7 @@ class CurveDrawing:
 
 
 def ranked_rows(facts: FolderFacts) -> dict[str, CurveRow]:
-    """The used rows of least, middle and largest residual, as many as there are, by what they are called."""
+    """Return the used rows of least, middle and largest residual, as many as there are, by what they are called."""
     known = [row for row in facts.used if row.number("rms") is not None]
     known.sort(key=lambda row: (row.number("rms"), row.curve))
     last = len(known) - 1
@@ -60,7 +60,7 @@ def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
 
 
 def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
-    """A curve as its fit sees it."""
+    """Return a curve as its fit sees it."""
     title = f"{word}: {_short(row.curve)}"
     nothing = np.zeros(0)
     file = folder.file_of(row.curve)

@@ -155,7 +155,7 @@ class CycloneTalker:
 
 
 def participant(network: Network, kept: list[Any]) -> Any:
-    """A member of a domain; what must live as long goes to `kept`. Raises DeviceError."""
+    """Return a member of a domain; what must live as long goes to `kept`. Raises DeviceError."""
     try:
         from cyclonedds.core import DDSException
         from cyclonedds.domain import Domain, DomainParticipant

@@ -15,7 +15,7 @@ _SAME = {"byte": "uint8", "char": "uint8"}
 
 @cache
 def message_class(type_name: str, definition: str) -> Any:
-    """The class of a message type for cyclonedds; raises LogError where the definition is invalid.
+    """Return the class of a message type for cyclonedds; raises LogError where the definition is invalid.
 
     Its messages are not taken apart: `data` is what came or is to go, encapsulation included, as a bag would hold it.
     """
@@ -39,7 +39,7 @@ def message_class(type_name: str, definition: str) -> Any:
 
 
 def _struct(name: str, definitions: Definitions, done: dict[str, Any]) -> Any:
-    """An IdlStruct of one type, and of all types in it."""
+    """Return an IdlStruct of one type, and of all types in it."""
     from cyclonedds.idl import IdlStruct
 
     if name not in done:

@@ -161,7 +161,7 @@ class Ros2Device(Device):
 
     @classmethod
     def system_at(cls, address: str) -> SystemSurvey | None:
-        """The domain at ``ros2://DOMAIN``, with its keys."""
+        """Return the domain at ``ros2://DOMAIN``, with its keys."""
         from palpate_ros2.domain_survey import address_of
 
         return address_of(address)
@@ -218,7 +218,7 @@ class Ros2Device(Device):
         return list(dict.fromkeys([*(signal.topic for signal in signals), *turning, *tip]))
 
     def _found(self, source: Listener, name: str) -> list[TopicFeed]:
-        """The feeds of topics that are there; raises DeviceError or LogError where they are not as described."""
+        """Return the feeds of topics that are there; raises DeviceError or LogError where they are not as described."""
         wanted = set(self._topics)
         heard = hear(source, self.types, self.patience, lambda heard: wanted <= heard.filled)
         refuse_missing(source, heard, self._topics, name, self.patience)

@@ -44,7 +44,8 @@ class Address:
         return found if found.topics else replace(found, notes=(*found.notes, note))
 
     def suggest(self, choices: Mapping[str, str]) -> Suggestion:
-        """A device that reads what is published; raises LogError where nothing in it can be force or position."""
+        """Return a device that reads what is published; raises LogError where nothing in it can be force or
+        position."""
         found = suggestion_for(snapshot_at(self), Path(self.name), "ros2", choices)
         device = {key: value for key, value in found.device.items() if key not in ("file", "begin", "end")}
         network = self.network
@@ -60,7 +61,8 @@ class Address:
 
 
 def address_of(text: str) -> Address | None:
-    """The address ``ros2://DOMAIN?interface=lo&peer=10.0.0.2&for=5s``; None where it is a file. ConfigurationError."""
+    """Return the address ``ros2://DOMAIN?interface=lo&peer=10.0.0.2&for=5s``; None where it is a file.
+    ConfigurationError."""
     match = _ADDRESS.match(text)
     if match is None:
         return None
@@ -90,7 +92,7 @@ def address_of(text: str) -> Address | None:
 
 
 def snapshot_at(address: Address) -> TopicSnapshot:
-    """All that is published at an address for a while; raises DeviceError where that is nothing."""
+    """Return all that is published at an address for a while; raises DeviceError where that is nothing."""
     with listener(address.name, address.network, None, {}) as source:
         heard = hear(source, {}, address.seconds, lambda heard: False)
         for topic, type_name in source.types.items():

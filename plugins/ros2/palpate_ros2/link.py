@@ -184,7 +184,7 @@ class Ros2Link:
         return "; ".join(f"{topic} {why}" for topic, why in found.items() if why)
 
     def _apart(self) -> str:
-        """Whether two publishers' clocks are not one; empty where they are."""
+        """Return True if two publishers' clocks are not one; empty where they are."""
         apart = self._common.apart if self._common is not None else None
         if apart is None or apart[2] <= _ONE_CLOCK:
             return ""
@@ -193,6 +193,6 @@ class Ros2Link:
 
 
 def _selects(feeds: Sequence[TopicFeed], topic: str) -> bool:
-    """Whether all that is read of a topic is named in its messages, so that several may publish parts of it."""
+    """Return True if all that is read of a topic is named in its messages, so that several may publish parts of it."""
     readings = [reading for feed in feeds if feed.topic == topic for reading in feed.readings]
     return bool(readings) and all(reading.select is not None for reading in readings)

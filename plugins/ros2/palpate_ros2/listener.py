@@ -56,7 +56,7 @@ class Listener:
         return {entry["topic"]: entry["type"] for entry in reversed(self.publications.values())}  # the first counts
 
     def unmatched(self, topic: str) -> str:
-        """Why a publisher of a topic is not heard, in words; empty where all are."""
+        """Return why a publisher of a topic is not heard, in words; empty where all are."""
         there = [entry for entry in self.publications.values() if entry["topic"] == topic]
         if self.network.reliable and not all(entry["reliable"] for entry in there):
             return 'is published best effort, and reliability = "reliable" requires more'

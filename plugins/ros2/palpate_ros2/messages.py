@@ -29,14 +29,14 @@ class Cdr:
         return self
 
     def text(self, words: str) -> Cdr:
-        """A string with its closing zero."""
+        """Return a string with its closing zero."""
         raw = words.encode() + b"\0"
         self.put("I", len(raw))
         self._data += raw
         return self
 
     def block(self, raw: bytes) -> Cdr:
-        """A sequence of bytes."""
+        """Return a sequence of bytes."""
         self.put("I", len(raw))
         self._data += raw
         return self
@@ -52,7 +52,7 @@ class Cdr:
 
 
 def legal_name(text: str) -> str:
-    """A name as ROS 2 allows it in a topic.
+    """Return a name as ROS 2 allows it in a topic.
 
     >>> legal_name("casadi-fit")
     'casadi_fit'

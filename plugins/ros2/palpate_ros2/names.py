@@ -6,7 +6,7 @@ _TOPIC = "rt/"  # services and actions have other prefixes
 
 
 def dds_topic(topic: str) -> str:
-    """The DDS topic of a ROS topic.
+    """Return the DDS topic of a ROS topic.
 
     >>> dds_topic("/ft_sensor/wrench")
     'rt/ft_sensor/wrench'
@@ -15,7 +15,7 @@ def dds_topic(topic: str) -> str:
 
 
 def ros_topic(name: str) -> str | None:
-    """The ROS topic of a DDS topic; None for any other.
+    """Return the ROS topic of a DDS topic; None for any other.
 
     >>> ros_topic("rt/wrench"), ros_topic("rq/spawnRequest")
     ('/wrench', None)
@@ -24,7 +24,7 @@ def ros_topic(name: str) -> str | None:
 
 
 def dds_type(name: str) -> str:
-    """The DDS type of a ROS message type, with or without its ``msg``.
+    """Return the DDS type of a ROS message type, with or without its ``msg``.
 
     >>> dds_type("geometry_msgs/Wrench")
     'geometry_msgs::msg::dds_::Wrench_'
@@ -34,7 +34,7 @@ def dds_type(name: str) -> str:
 
 
 def ros_type(name: str) -> str:
-    """The ROS message type of a DDS type; another name as it is.
+    """Return the ROS message type of a DDS type; another name as it is.
 
     >>> ros_type("geometry_msgs::msg::dds_::WrenchStamped_")
     'geometry_msgs/msg/WrenchStamped'
@@ -44,7 +44,7 @@ def ros_type(name: str) -> str:
 
 
 def resolve_name(topic: str, namespace: str) -> str:
-    """A topic with its namespace, as ROS resolves names: one that begins with a slash is whole.
+    """Return a topic with its namespace, as ROS resolves names: one that begins with a slash is whole.
 
     >>> resolve_name("wrench", "/left"), resolve_name("/wrench", "/left")
     ('/left/wrench', '/wrench')

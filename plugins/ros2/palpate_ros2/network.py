@@ -93,7 +93,7 @@ def demand_reachable(middleware: str, interface: str | None, peers: Sequence[str
 
 
 def network_of(settings: Mapping[str, Any]) -> Network:
-    """A network from plain settings."""
+    """Return a network from plain settings."""
     peers: Sequence[str] = settings.get("peers", ())
     names = ("domain", "interface", "reliable", "history", "middleware")
     return Network(peers=tuple(peers), **{name: settings[name] for name in names})

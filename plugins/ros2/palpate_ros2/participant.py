@@ -6,7 +6,7 @@ from palpate_ros2.network import Network, Participant, Talker
 
 
 def participant(network: Network) -> Participant:
-    """A member that listens; raises DeviceError where the middleware does not come up."""
+    """Return a member that listens; raises DeviceError where the middleware does not come up."""
     if network.middleware == "zenoh":
         from palpate_ros2.zenoh_participant import ZenohParticipant
 
@@ -17,7 +17,7 @@ def participant(network: Network) -> Participant:
 
 
 def talker(network: Network) -> Talker:
-    """A member that publishes; raises DeviceError where the middleware does not come up."""
+    """Return a member that publishes; raises DeviceError where the middleware does not come up."""
     if network.middleware == "zenoh":
         from palpate_ros2.zenoh_participant import ZenohTalker
 

@@ -30,7 +30,7 @@ class Publisher:
     _usual: float = 0.0
 
     def takes(self, writer: int, arrival: int) -> bool:
-        """Whether a message of a writer at a time [ns] counts."""
+        """Return True if a message of a writer at a time [ns] counts."""
         if self.many:
             return True
         if self.writer is None:
@@ -122,7 +122,7 @@ class CommonClock:
 
 
 def _leapt(step: int, passed: int) -> bool:
-    """Whether a clock leapt whose stamps went on by a step [ns] while so much [ns] passed."""
+    """Return True if a clock leapt whose stamps went on by a step [ns] while so much [ns] passed."""
     return step < -_BACK or step - passed > _LEAP
 
 

@@ -31,7 +31,7 @@ _KINDS = {
 
 @cache
 def type_hash(type_name: str) -> str:
-    """The hash of a standard type, none of which has bounds; raises LogError for any other type.
+    """Return the hash of a standard type, none of which has bounds; raises LogError for any other type.
 
     >>> type_hash("std_msgs/msg/String")
     'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _descriptor(parent: Parent) -> int:
-    """The pipe for messages, which the parent hands over."""
+    """Return the pipe for messages, which the parent hands over."""
     while not parent.descriptors and not parent.gone:
         parent.messages()
         time.sleep(0.002)

@@ -32,23 +32,23 @@ def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
 
 
 def tokens_of_publishers(domain: int) -> str:
-    """The tokens of all publishers of a domain."""
+    """Return the tokens of all publishers of a domain."""
     return f"{_ROOT}/{domain}/*/*/*/{_PUBLISHER}/**"
 
 
 def node_token(domain: int, session: str, name: str) -> str:
-    """The token of a node without a namespace."""
+    """Return the token of a node without a namespace."""
     return f"{_ROOT}/{domain}/{session}/0/0/{_NODE}/%/%/{name}"
 
 
 def publisher_token(domain: int, session: str, entity: int, name: str, topic: str, kind: str, latched: bool) -> str:
-    """The token of a publisher of a node; `kind`: type and hash as in its key."""
+    """Return the token of a publisher of a node; `kind`: type and hash as in its key."""
     qos = _LATCHED if latched else _VOLATILE
     return f"{_ROOT}/{domain}/{session}/0/{entity}/{_PUBLISHER}/%/%/{name}/{topic.replace('/', '%')}/{kind}/{qos}"
 
 
 def publication_of(token: str) -> Publication | None:
-    """The publisher that holds a token; None for any other, as of another version of rmw_zenoh."""
+    """Return the publisher that holds a token; None for any other, as of another version of rmw_zenoh."""
     parts = token.split("/")
     if len(parts) != _PARTS or parts[0] != _ROOT or parts[5] != _PUBLISHER:
         return None

@@ -150,7 +150,7 @@ class ZenohTalker:
 
 
 def session(network: Network) -> Any:
-    """A session of zenoh's, as rmw_zenoh opens it: a peer that knows the router; raises DeviceError."""
+    """Return a session of zenoh's, as rmw_zenoh opens it: a peer that knows the router; raises DeviceError."""
     try:
         import zenoh
     except ImportError as error:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, str]:
-    """A simulated rig."""
+    """Return a simulated rig."""
     return {"sim": "palpate_simulation.simulated_rig:SimulatedRig"}
 
 
@@ -26,7 +26,7 @@ def palpate_twins() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """A run without its rig."""
+    """Return a run without its rig."""
     target = "palpate_simulation.rehearse:rehearse"
     return {"rehearse": Command(target, "Run the pipeline of a robot in simulated time.", "hardware")}
 

@@ -83,7 +83,7 @@ def _of_specimen(entries: Sequence[str]) -> Iterator[str]:
 
 
 def _rehearsed(file: Path, overrides: Sequence[str]) -> Pipeline:
-    """A pipeline that can be rehearsed; raises ConfigurationError."""
+    """Return a pipeline that can be rehearsed; raises ConfigurationError."""
     stated = [entry for entry in overrides if not entry.startswith("twin.*")]
     rest = [entry.removeprefix("twin.*.") for entry in overrides if entry.startswith("twin.*")]
     pipeline = load_pipeline(file, stated)

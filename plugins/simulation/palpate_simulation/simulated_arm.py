@@ -35,7 +35,7 @@ class TrackedMotion:
         return np.asarray(command + (self.velocity[tick] - command) * np.exp(-elapsed / self.lag))
 
     def _since(self, instants: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """The tick before each instant, and the time (m, 1) [s] since it."""
+        """Return the tick before each instant, and the time (m, 1) [s] since it."""
         tick = np.clip((instants / self.period + 1e-9).astype(np.int64), 0, len(self.position) - 1)
         return tick, np.maximum(instants - tick * self.period, 0.0)[:, None]
 
@@ -48,7 +48,7 @@ class TrackedMotion:
         return (after - before) / width
 
     def with_unrest(self, std: float, dice: np.random.Generator) -> TrackedMotion:
-        """The motion with one up and down of a standard deviation [m] besides: sines from 0.5 to 20 Hz, as many
+        """Return the motion with one up and down of a standard deviation [m] besides: sines from 0.5 to 20 Hz, as many
         in each octave.
 
         Its speed u' and acceleration u'' are those of a command that is higher by u' + lag u''.
@@ -89,7 +89,7 @@ class PositionLoop:
     period: float  # [s]
 
     def track(self, position: Floats, velocity: Floats) -> TrackedMotion:
-        """The motion that follows setpoints (n, 3), beginning at rest in the first.
+        """Return the motion that follows setpoints (n, 3), beginning at rest in the first.
 
         From tick to tick the way z from the first setpoint and the speed v become A (z, v) + b u with
         u = gain (z_d - z_d0) + damping z_d'. Many stretches are followed side by side, each from z = v = 0; then each

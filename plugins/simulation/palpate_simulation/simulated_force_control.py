@@ -48,7 +48,7 @@ class _ContactHistory:
 def force_controlled_motion(
     specimen: Specimen, loop: PositionLoop, times: Floats, envelope: Setpoint, law: ForceLaw, noise: Floats
 ) -> tuple[TrackedMotion, Setpoint]:
-    """The motion that the force leads within an envelope (n,) at times (n,) [s], and its setpoints.
+    """Return the motion that the force leads within an envelope (n,) at times (n,) [s], and its setpoints.
 
     `noise` (n,) [N] is what the sensor adds. Raises DeviceError where the tip would have to leave the envelope.
     """

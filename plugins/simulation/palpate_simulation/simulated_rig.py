@@ -156,12 +156,12 @@ class SimulatedRig(Device):
         return self.down
 
     def turned(self, down: tuple[float, ...]) -> Device:
-        """The rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
+        """Return the rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
         turn = turn_between(mounting_matrix(self.mounting) @ np.array(down), TOOL.T @ np.array(self.down))
         return self.model_copy(update={"tool_rotation": tuple(rotation_vector(turn).tolist())})
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
-        """The rig whose specimen was palpated before, at distances [m] and ages [s]."""
+        """Return the rig whose specimen was palpated before, at distances [m] and ages [s]."""
         return self.model_copy(update={"specimen": self.specimen.conditioned(earlier)})
 
     def refuse(self, setpoint: Setpoint) -> None:
@@ -169,7 +169,7 @@ class SimulatedRig(Device):
         self.specimen.refuse(setpoint)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The rig at rest; `follow` sets it in motion."""
+        """Return the rig at rest; `follow` sets it in motion."""
         return self._connected(self.seed if self.seed is not None else seed)
 
     @contextmanager

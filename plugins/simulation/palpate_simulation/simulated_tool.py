@@ -32,7 +32,8 @@ class SimulatedTool:
         loop: PositionLoop,
         setpoint: Setpoint,
     ) -> SimulatedTool:
-        """The tool of a rig from its keys, which follows the rotations of `setpoint`, one for each control period."""
+        """Return the tool of a rig from its keys, which follows the rotations of `setpoint`, one for each control
+        period."""
         orientation = TOOL @ rotation_matrix(tool_rotation)
         turning = None
         if (rotation := setpoint.rotation) is not None:
@@ -41,7 +42,7 @@ class SimulatedTool:
 
     @property
     def is_upright(self) -> bool:
-        """Whether it always looks along the normal of the work frame."""
+        """True if it always looks along the normal of the work frame."""
         return self.turning is None and np.array_equal(self.orientation, TOOL)
 
     def turns(self, instants: Floats) -> Floats:

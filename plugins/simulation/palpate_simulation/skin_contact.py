@@ -77,5 +77,5 @@ class SkinContact:
 
 
 def _across(vectors: Floats, normal: Floats) -> Floats:
-    """The part (n, 3) of vectors (n, 3) that is across normals (n, 3)."""
+    """Return the part (n, 3) of vectors (n, 3) that is across normals (n, 3)."""
     return np.asarray(vectors - np.sum(vectors * normal, axis=1)[:, None] * normal)

@@ -42,7 +42,7 @@ class SkinOnSurface:
         return np.where(np.isfinite(found.position), found.position, points)
 
     def over(self, place: tuple[float, float]) -> Floats:
-        """The place (3,) [m] of the skin at x and y; raises ConfigurationError where it has none."""
+        """Return the place (3,) [m] of the skin at x and y; raises ConfigurationError where it has none."""
         found = self.surface.uppermost(np.array([place]))
         if found.unknown:
             x, y = (1e3 * at for at in place)

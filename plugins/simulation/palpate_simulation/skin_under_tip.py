@@ -56,7 +56,7 @@ class SkinUnderTip:
         return self._specimen.relief.without_form.slopes_at(self._x, self._y)
 
     def rate(self, velocity: Floats) -> Floats:
-        """How fast the depth grows (n,) [m/s] with velocities (n, 3) [m/s] of the tip."""
+        """Return how fast the depth grows (n,) [m/s] with velocities (n, 3) [m/s] of the tip."""
         rate = -np.sum(velocity * self.normal, axis=1)
         if self._specimen.relief.roughness > 0 and velocity.any():
             along_x, along_y = self._slopes
@@ -91,7 +91,7 @@ class SkinUnderTip:
         return self._stiffened(theta, np.maximum(1.0 + sum(contrasts), 0.01))
 
     def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
-        """The parameters with those that the force is proportional to made larger by a factor (n,)."""
+        """Return the parameters with those that the force is proportional to made larger by a factor (n,)."""
         roles = [parameter.role for parameter in self._specimen.model.parameters]
         return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
 

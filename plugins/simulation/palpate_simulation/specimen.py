@@ -107,7 +107,7 @@ class Specimen(Settings):
     @field_validator("model")
     @classmethod
     def _without_a_stated_skin(cls, model: ContactModel) -> ContactModel:
-        """The model as it is on a level, flat skin: what the true skin is, `relief` says."""
+        """Return the model as it is on a level, flat skin: what the true skin is, `relief` says."""
         return model if getattr(model, "skin", None) is None else model.model_copy(update={"skin": None})
 
     @field_validator("parameters", mode="before")
@@ -195,7 +195,7 @@ class Specimen(Settings):
         return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Self:
-        """The specimen after palpations at distances [m] and ages [s]."""
+        """Return the specimen after palpations at distances [m] and ages [s]."""
         if self.conditioning is None:
             return self
         return self.model_copy(update={"palpated": self.palpated + self.conditioning.left_of(earlier)})
@@ -244,7 +244,7 @@ class Specimen(Settings):
 
 
 def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
-    """A specimen's table, completed from the paper's specimen of its name."""
+    """Return a specimen's table, completed from the paper's specimen of its name."""
     known = dict(SPECIMENS.get(str(data.get("name")), {}))
     if "parameters" in data:
         known = {key: value for key, value in known.items() if key in Specimen.model_fields}

@@ -52,7 +52,7 @@ class Conditioning(Settings):
     reach: Length = Field(default=0.005, gt=0, description="distance over which a palpation has an effect")
 
     def left_of(self, earlier: Iterable[tuple[float, float]]) -> float:
-        """How many palpations those at distances [m] and ages [s] count for."""
+        """Return how many palpations those at distances [m] and ages [s] count for."""
         forgetting = 0.0 if self.recovery is None else 1.0 / self.recovery
         return float(sum(math.exp(-age * forgetting - 0.5 * (way / self.reach) ** 2) for way, age in earlier))
 

@@ -29,7 +29,8 @@ def rotation_matrices(vectors: Floats) -> Floats:
 
 
 def turn_between(one: Floats, other: Floats) -> Floats:
-    """The shortest rotation (3, 3) that turns one direction (3,) to another; about any axis at right angles to both."""
+    """Return the shortest rotation (3, 3) that turns one direction (3,) to another; about any axis at right angles
+    to both."""
     one, other = one / np.linalg.norm(one), other / np.linalg.norm(other)
     axis, cosine = np.cross(one, other), float(one @ other)
     if cosine < -1.0 + 1e-12:

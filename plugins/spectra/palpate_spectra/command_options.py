@@ -21,7 +21,7 @@ def quantities(text: str | None, unit: str, option: str) -> list[float]:
 
 
 def height_of(surface: str | None) -> float | None:
-    """The height [m] that `--surface` gives; raises ConfigurationError."""
+    """Return the height [m] that `--surface` gives; raises ConfigurationError."""
     found = quantities(surface, "m", "--surface")
     if len(found) > 1:
         raise ConfigurationError(f"--surface: one height, not {len(found)}")

@@ -29,7 +29,7 @@ class Consistency:
 
     @property
     def failed(self) -> bool:
-        """Whether they are of none."""
+        """True if they are of none."""
         return self.freedom > 0 and self.p < _LEVEL
 
 
@@ -46,7 +46,7 @@ class Harmonic:
 
 
 def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
-    """Whether G' and G'' belong to one causal, passive, linear material.
+    """Return True if G' and G'' belong to one causal, passive, linear material.
 
     Every such material is a spring, a dashpot and Maxwell arms of positive strengths side by side, so that least
     squares with non-negative strengths over a dense grid of times leaves the noise and no more (Boukamp 1995, with the
@@ -79,7 +79,7 @@ def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
 
 
 def harmonics(answer: RecordingModuli) -> list[Harmonic]:
-    """The force at the sums and differences of the lines; nothing of a motion whose frequency changes.
+    """Return the force at the sums and differences of the lines; nothing of a motion whose frequency changes.
 
     The tip's own law makes F^ = 4/(1 - nu) G* A^ there, too, G* taken between the lines.
     """

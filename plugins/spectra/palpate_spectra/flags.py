@@ -18,7 +18,7 @@ _FAR = 3.0  # standard uncertainties of a delay
 def flags_of(
     answers: Sequence[RecordingModuli], lines: Sequence[ModulusLine], consistency: Consistency, fits: Sequence[LawFit]
 ) -> list[Flag]:
-    """All flags, those of the recordings first."""
+    """Return all flags, those of the recordings first."""
     found = [flag for answer in answers for flag in answer.recorded.flags]
     found += [flag for answer in answers for flag in _harmonics(answer)]
     found += _timing(answers, lines)
@@ -69,7 +69,7 @@ def _laws(answers: Sequence[RecordingModuli], fits: Sequence[LawFit]) -> Iterato
 
 
 def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
-    """The data's evidence on law and delay, as one sentence."""
+    """Return the data's evidence on law and delay, as one sentence."""
     if not several_frequencies(lines):
         text = "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
         return f"{text} {between(fits)}".strip()
@@ -87,7 +87,7 @@ def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
 
 
 def between(fits: Sequence[LawFit]) -> str:
-    """How far recordings scatter under the best law; nothing of a single one."""
+    """Return how far recordings scatter under the best law; nothing of a single one."""
     if not fits or fits[0].scatter.recordings < 2:
         return ""
     known = fits[0].scatter
@@ -96,7 +96,7 @@ def between(fits: Sequence[LawFit]) -> str:
 
 
 def values_of(fit: LawFit) -> str:
-    """The parameters of a law in display units."""
+    """Return the parameters of a law in display units."""
     text = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
         word, factor = display_unit(unit)

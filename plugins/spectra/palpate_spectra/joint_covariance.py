@@ -129,7 +129,7 @@ def _shift(line: ModulusLine, name: str, predicted: complex) -> complex:
 def fit_jointly(
     lines: Sequence[ModulusLine], attempt: Callable[[Floats, int], Attempt], without: Sequence[str] = ()
 ) -> JointFit:
-    """A fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa],
+    """Return a fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa],
     and gets how many there were before.
 
     Common factors are scaled by the fit's own prediction, and the scatter of the recordings is estimated from its
@@ -189,7 +189,7 @@ def _scatter(found: Attempt, shared: Floats, parts: tuple[Floats, Floats], recor
 
 
 def _column_space(slopes: Floats) -> Floats:
-    """An orthonormal basis (2 n, r) of what the parameters can follow."""
+    """Return an orthonormal basis (2 n, r) of what the parameters can follow."""
     sizes = np.linalg.norm(slopes, axis=0)
     basis, values, _ = np.linalg.svd(slopes[:, sizes > 0] / sizes[sizes > 0], full_matrices=False)
     return np.asarray(basis[:, values > _SINGULAR * values.max(initial=0.0)])

@@ -44,12 +44,13 @@ class LawFit:
 
 
 def several_frequencies(lines: Sequence[ModulusLine]) -> bool:
-    """Whether the largest frequency of the lines is so many times the smallest that delay and loss are distinct."""
+    """Return True if the largest frequency of the lines is so many times the smallest that delay and loss are
+    distinct."""
     return max(line.frequency for line in lines) > _APART * min(line.frequency for line in lines)
 
 
 def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
-    """Every law by generalised least squares; those that have fewer numbers than the lines have.
+    """Return every law by generalised least squares; those that have fewer numbers than the lines have.
 
     At several frequencies with a free delay: the covariance is that of noise, of all that is not exactly known but the
     timing, which is what is looked for, and of the scatter between recordings (`fit_jointly`). At one frequency the

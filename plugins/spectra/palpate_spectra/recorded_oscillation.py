@@ -90,7 +90,8 @@ class ReplayedSamples:
 
 
 def replay(path: Path, track: str | None) -> ReplayedSamples:
-    """A run folder, a log that carries its pipeline, or a pipeline file without a live device; raises UserError."""
+    """Return a run folder, a log that carries its pipeline, or a pipeline file without a live device; raises
+    UserError."""
     pipeline = _pipeline(path, track)
     if live := [name for name, device in pipeline.devices.items() if device.live]:
         raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
@@ -112,7 +113,7 @@ def replay(path: Path, track: str | None) -> ReplayedSamples:
 
 
 def _pipeline(path: Path, track: str | None) -> Pipeline:
-    """The pipeline of a recording, with the one requested track."""
+    """Return the pipeline of a recording, with the one requested track."""
     if path.suffix == ".toml":
         name = _track(load_pipeline(path), track, path)
         return load_pipeline(path, [f'run.tracks=["{name}"]'])
@@ -132,7 +133,7 @@ def _pipeline(path: Path, track: str | None) -> Pipeline:
 
 
 def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
-    """The requested track, or the first whose model has a tip."""
+    """Return the requested track, or the first whose model has a tip."""
     names = [str(track.name) for track in pipeline.tracks]
     if wanted is not None and wanted not in names:
         raise ConfigurationError(f"{path}: has no track {wanted!r}{suggest(wanted, names)}")
@@ -145,7 +146,7 @@ def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
 
 
 def has_tip(model: ContactModel) -> bool:
-    """Whether a model declares its tip, and Poisson's ratio."""
+    """Return True if a model declares its tip, and Poisson's ratio."""
     return getattr(model, "indenter", None) is not None and hasattr(model, "poisson")
 
 
@@ -165,7 +166,7 @@ def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
 
 
 def _surface_std(std: float, samples: Samples, surface: float) -> float:
-    """The track's own uncertainty, and how far the skin lay from there when the force first showed it.
+    """Return the track's own uncertainty, and how far the skin lay from there when the force first showed it.
 
     A track's surface is that of its model, and a relaxing material moves it by more than the track's uncertainty.
     """
@@ -173,7 +174,7 @@ def _surface_std(std: float, samples: Samples, surface: float) -> float:
 
 
 def beyond(touch: tuple[float, float] | None, surface: float) -> float:
-    """How much farther [m] a surface is from the touch than the touch allows; 0 where that is unknown."""
+    """Return how much farther [m] a surface is from the touch than the touch allows; 0 where that is unknown."""
     return 0.0 if touch is None else max(abs(touch[0] - surface) - touch[1], 0.0)
 
 

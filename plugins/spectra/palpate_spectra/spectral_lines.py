@@ -58,7 +58,8 @@ def lines_of(time: Floats, height: Floats) -> Floats | None:
 
 
 def _apart(found: Sequence[float], t: Floats) -> bool:
-    """Whether lines are more than a period of the record apart; a frequency that wanders makes a comb of near ones."""
+    """Return True if lines are more than a period of the record apart; a frequency that wanders makes a comb of near
+    ones."""
     return len(found) < 2 or float(np.min(np.diff(np.sort(found)))) * float(np.ptp(t)) > 1.0
 
 

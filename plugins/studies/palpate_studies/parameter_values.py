@@ -40,7 +40,7 @@ class ParameterValue:
 
     @property
     def usable(self) -> bool:
-        """Whether its value may enter statistics."""
+        """True if its value may enter statistics."""
         has_number = self.value is not None and self.verdict != "invalid" and not needs_fact(self.verdict)
         return has_number and self.rejected is None
 

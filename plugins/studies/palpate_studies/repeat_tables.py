@@ -40,7 +40,7 @@ def views(document: dict[str, Any], details: bool) -> Iterator[Any]:
 
 
 def _distributions(document: dict[str, Any], word: str, factor: float) -> Iterator[Any]:
-    """A histogram and an average of each group, and the error of its force."""
+    """Yield a histogram and an average of each group, and the error of its force."""
     for name, found in document["groups"].items():
         yield from _histogram(name, found, factor)
         if found["moving_average"]:
@@ -57,7 +57,7 @@ def _distributions(document: dict[str, Any], word: str, factor: float) -> Iterat
 
 
 def _judgements(document: dict[str, Any], word: str, factor: float, details: bool) -> Iterator[Any]:
-    """The error of each group, tests between groups, and what was left out."""
+    """Yield the error of each group, tests between groups, and what was left out."""
     for name, found in document["groups"].items():
         if error := found.get("truth"):
             said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
@@ -131,7 +131,7 @@ def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]
 
 
 def _tests(document: dict[str, Any], word: str, factor: float, details: bool) -> Any:
-    """The pairs, unless `details` those of the smallest p-values, in their order."""
+    """Return the pairs, unless `details` those of the smallest p-values, in their order."""
     rows = document["tests"]
     tested = sum(row["p"] is not None for row in rows)
     title = "not tested" if not tested else "mixed model" if document["test"] == "mixed" else "Welch's t-test"

@@ -37,12 +37,12 @@ def _settings(pipeline: Pipeline) -> RepeatSettings:
 
 
 def _by_the_clock(pipeline: Pipeline) -> bool:
-    """Whether something moves that takes its time: an arm, or a simulation that keeps the pace of one."""
+    """Return True if something moves that takes its time: an arm, or a simulation that keeps the pace of one."""
     return any(device.live or getattr(device, "pace", "") == "real-time" for device in pipeline.devices.values())
 
 
 def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
-    """The pipeline of each palpation: its own seed, its own name, and the motion moved on.
+    """Yield the pipeline of each palpation: its own seed, its own name, and the motion moved on.
 
     Raises ConfigurationError where there is nothing to repeat, or where one of the motions breaks the limits.
     """
@@ -107,7 +107,8 @@ def _place(folder: Path, number: int, count: int) -> Path:
 
 
 def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str, stage: str | None) -> list[Path]:
-    """Every palpation on the workers of a scheduler; raises PalpateError where one failed, when all have ended."""
+    """Return every palpation on the workers of a scheduler; raises PalpateError where one failed, when all have
+    ended."""
     from palpate_kit.jobs.cluster import on_cluster
 
     count = len(planned)

@@ -108,7 +108,7 @@ def groups_by_column(
 
 
 def compare(groups: Mapping[str, ValueGroup], unit: str | None, mixed: bool) -> GroupComparison:
-    """The groups in the order of their names, compared by units of replication.
+    """Return the groups in the order of their names, compared by units of replication.
 
     Raises ConfigurationError for an unknown unit, and for a mixed model that cannot be fitted.
     """

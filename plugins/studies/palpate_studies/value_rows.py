@@ -56,7 +56,7 @@ class ValueRow:
 
 
 def columns_of_rows(rows: Sequence[ValueRow]) -> dict[str, Column]:
-    """The table of rows by column, those of ``curves.csv`` last."""
+    """Return the table of rows by column, those of ``curves.csv`` last."""
     own = [name for name in ValueRow.__dataclass_fields__ if name != "columns"]
     found: dict[str, Column] = {name: [getattr(row, name) for row in rows] for name in own}
     for name in dict.fromkeys(column for row in rows for column in row.columns if column not in own):
@@ -82,7 +82,7 @@ def records_under(sources: Sequence[Path]) -> list[Path]:
 
 
 def value_rows(record: Path, where: str | None) -> Iterator[ValueRow]:
-    """The values of a run folder, of a result, or of a folder of fits; raises UserError."""
+    """Yield the values of a run folder, of a result, or of a folder of fits; raises UserError."""
     if (record / TABLE).is_file():
         yield from _of_curves(FitFolder(record), where)
         return
@@ -129,7 +129,7 @@ def _first(cells: Mapping[str, str], names: Sequence[str]) -> str:
 
 
 def _tables_of_curve(folder: FitFolder, curve: str) -> dict[str, Any]:
-    """The tables of the pipeline of a curve, with its facts in them wherever its tips can be built."""
+    """Return the tables of the pipeline of a curve, with its facts in them wherever its tips can be built."""
     source = Source(folder.settings_text(folder.dialect_of(curve)), folder.path / SETTINGS)
     for assignment in folder.settings_of(curve):
         source.override(assignment)
@@ -139,7 +139,7 @@ def _tables_of_curve(folder: FitFolder, curve: str) -> dict[str, Any]:
 
 
 def _facts_of_run(folder: RunFolder) -> dict[str, Any]:
-    """The tables of the pipeline; none where it is not there any more."""
+    """Return the tables of the pipeline; none where it is not there any more."""
     try:
         return folder.settings
     except LogError:
@@ -147,7 +147,7 @@ def _facts_of_run(folder: RunFolder) -> dict[str, Any]:
 
 
 def _rig(devices: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, str]) -> str:
-    """The devices by name and type, with what identifies them."""
+    """Return the devices by name and type, with what identifies them."""
     told = []
     for name, table in devices.items():
         marks = [text for key, text in inputs.items() if key.startswith(f"{name}.") and is_identity(key)]
@@ -156,7 +156,7 @@ def _rig(devices: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, str]) ->
 
 
 def _tip_of(tables: Mapping[str, Any], model: str) -> str:
-    """The tip of a model of a pipeline in words; "" where it has none."""
+    """Return the tip of a model of a pipeline in words; "" where it has none."""
     stated = tables.get("model", {}).get(model, {}).get("indenter")
     # A curve's own tip stands in the table of its model where the others have none.
     tip = tables.get("indenter", {}).get(stated) if isinstance(stated, str) else stated

@@ -29,7 +29,7 @@ class BaseShape:
 
     @classmethod
     def of(cls, points: Floats) -> BaseShape:
-        """The sphere through points (n, 3) where it is much nearer to them than the plane, else the plane."""
+        """Return the sphere through points (n, 3) where it is much nearer to them than the plane, else the plane."""
         middle = points.mean(axis=0)
         _, _, axes = np.linalg.svd(points - middle)
         normal = axes[2] if axes[2, 2] >= 0 else -axes[2]

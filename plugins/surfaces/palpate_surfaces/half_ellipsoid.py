@@ -49,7 +49,7 @@ class HalfEllipsoid(Surface):
         return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def nearest(self, places: Floats) -> SurfacePoints:
-        """The feet of the perpendiculars from places (n, 3) [m]."""
+        """Return the feet of the perpendiculars from places (n, 3) [m]."""
         own = (places - self._middle) @ self._axes.T
         foot = self._foot(own)
         out = foot / self._squares
@@ -60,7 +60,7 @@ class HalfEllipsoid(Surface):
         return points.without(unknown) if unknown else points
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
-        """The points over x and y (n, 2) [m]."""
+        """Return the points over x and y (n, 2) [m]."""
         own = (np.column_stack([lateral, np.zeros(len(lateral))]) - [*self._middle[:2], 0.0]) @ self._axes.T
         left = 1.0 - np.sum(own[:, :2] ** 2 / self._squares[:2], axis=1)
         own[:, 2] = self.half_axes[2] * np.sqrt(np.maximum(left, 0.0))

@@ -33,7 +33,7 @@ class HeightField:
 
     @classmethod
     def of(cls, q: Floats, height: Floats, std: Floats) -> HeightField:
-        """The process of heights (n,) at q (n, k), known to (n,)."""
+        """Return the process of heights (n,) at q (n, k), known to (n,)."""
         extent = float(np.linalg.norm(np.ptp(q, axis=0)))
         size = float(np.std(height - _linear(q, height))) + float(np.median(std))
         fixed = extent, _FREE * (size + float(np.std(height)))
@@ -75,7 +75,7 @@ class HeightField:
 
 
 def _linear(q: Floats, height: Floats) -> Floats:
-    """The linear function of q that fits best, at each."""
+    """Return the linear function of q that fits best, at each."""
     design = np.column_stack([np.ones(len(q)), q])
     return np.asarray(design @ np.linalg.lstsq(design, height, rcond=None)[0])
 

@@ -99,7 +99,8 @@ class MeshBody:
         return KDTree(self.triangles.vertices)
 
     def patches(self, feet: Floats, faces: Faces) -> SurfacePatch:
-        """The patches of surface around points (n, 3) of triangles; those with as many vertices are fitted together."""
+        """Return the patches of surface around points (n, 3) of triangles; those with as many vertices are fitted
+        together."""
         outwards, vertices = self._face_normals[faces], np.asarray(self.triangles.vertices)
         near = self._neighbours(feet, outwards)
         counts = np.array([len(rows) for rows in near])

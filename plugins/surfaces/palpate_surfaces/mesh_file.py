@@ -17,7 +17,8 @@ _MERGED = 1e-6  # of its size, below which vertices are one
 
 
 def read_mesh(file: Path, unit: str) -> Any:
-    """The mesh in an STL, PLY or OBJ file [m] as a `trimesh.Trimesh`; raises ConfigurationError with what is wrong."""
+    """Return the mesh in an STL, PLY or OBJ file [m] as a `trimesh.Trimesh`; raises ConfigurationError with what is
+    wrong."""
     import trimesh
 
     if file.suffix.lower() not in FORMATS:
@@ -96,7 +97,7 @@ def _check_edges(file: Path, mesh: Any) -> None:
 
 
 def _components(edges: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
-    """The vertices of each piece that edges (n, 2) hold together; vertices without an edge are left out."""
+    """Return the vertices of each piece that edges (n, 2) hold together; vertices without an edge are left out."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -107,7 +108,7 @@ def _components(edges: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]
 
 
 def rims_of(edges: NDArray[np.int64], vertices: Floats) -> list[Floats]:
-    """Each rim as its edges (m, 2, 3) [m], of edges (n, 2) that belong to one triangle only."""
+    """Return each rim as its edges (m, 2, 3) [m], of edges (n, 2) that belong to one triangle only."""
     if not len(edges):
         return []
     return [vertices[edges[np.isin(edges[:, 0], piece)]] for piece in _components(edges, len(vertices))]

@@ -33,14 +33,14 @@ class Plane(Surface):
         return np.array([math.tan(self.tilt_x), math.tan(self.tilt_y)])
 
     def nearest(self, places: Floats) -> SurfacePoints:
-        """The feet of the perpendiculars from places (n, 3) [m]."""
+        """Return the feet of the perpendiculars from places (n, 3) [m]."""
         normal = np.array([*-self._slope, 1.0])
         normal /= np.linalg.norm(normal)
         height = (places - [0.0, 0.0, self.height]) @ normal
         return self._points(places - height[:, None] * normal, height)
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
-        """The points at x and y (n, 2) [m]."""
+        """Return the points at x and y (n, 2) [m]."""
         position = np.column_stack([lateral, self.height + lateral @ self._slope])
         return self._points(position, np.zeros(len(lateral)))
 

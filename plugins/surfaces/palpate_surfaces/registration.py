@@ -48,7 +48,7 @@ def distances(mesh: Mesh, touches: Touches) -> tuple[Floats, Floats]:
 
 
 def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
-    """The pose of a mesh by least squares over touches' distances from it and over the pose as it was known.
+    """Return the pose of a mesh by least squares over touches' distances from it and over the pose as it was known.
 
     Minimises sum (h_i - r_i)^2/s_i^2 + q^T C^-1 q over displacements and turns q, h the height of a sphere's centre and
     r its radius. What the touches leave open stays where it was, with the uncertainty that it had. Raises
@@ -118,7 +118,7 @@ class _PoseSearch:
 
 
 def moved(pose: UncertainPose, by: Floats) -> UncertainPose:
-    """A pose after a displacement and a turn (6,) of the body about its pivot, which goes along."""
+    """Return a pose after a displacement and a turn (6,) of the body about its pivot, which goes along."""
     turn = rotation_matrix(by[3:].tolist())
     pivot = pose.pivot + by[:3]
     translation = pivot + turn @ (pose.translation - pose.pivot)
@@ -158,7 +158,7 @@ def _open_directions(mesh: Mesh, inner: Floats, root: Floats) -> tuple[str, ...]
 
 
 def _words(pose: UncertainPose, by: Floats, size: float) -> str:
-    """A displacement and turn (6,) of one standard deviation: a turn about an axis, or a shift."""
+    """Return a displacement and turn (6,) of one standard deviation: a turn about an axis, or a shift."""
     shift, turn = by[:3], by[3:]
     angle, way = float(np.linalg.norm(turn)), float(np.linalg.norm(shift))
     if angle * size / 2 < _TURN * way:

@@ -40,14 +40,15 @@ class Registration(Settings):
         return UncertainPose(*vectors, np.array(self.covariance))
 
     def text(self) -> str:
-        """The file's text."""
+        """Return the file's text."""
         import tomli_w
 
         return tomli_w.dumps(self.model_dump(mode="python"))
 
 
 def read_registration(path: Path, mesh: str) -> Registration:
-    """The registration of the mesh with a digest; raises ConfigurationError for an invalid one, or another mesh's."""
+    """Return the registration of the mesh with a digest; raises ConfigurationError for an invalid one, or another
+    mesh's."""
     registration = read_settings(path, Registration, "registration")
     covariance = registration.pose.covariance
     numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])

@@ -32,7 +32,7 @@ class SurfacePatch:
 
 
 def fit_patch(point: Floats, outwards: Floats, neighbours: Floats, heights: Floats | None = None) -> SurfacePatch:
-    """The patch around one point (3,); see `fit_patches`."""
+    """Return the patch around one point (3,); see `fit_patches`."""
     return fit_patches(point[None], outwards[None], neighbours[None], None if heights is None else heights[None])[0]
 
 

@@ -140,7 +140,7 @@ class TouchedSurface(Surface):
         return _patch(self._base, self._field, self.neighbourhood, q, uncertain)
 
     def _is_within(self, q: Floats) -> bool:
-        """Whether coordinates (k,) lie within the outermost touches; NaN do not."""
+        """Return True if coordinates (k,) lie within the outermost touches; NaN do not."""
         return bool(np.isfinite(q).all()) and self._region.find_simplex(self._base.unrolled(q[None]))[0] >= 0
 
     def _points(self, feet: list[Floats], places: Floats) -> SurfacePoints:
@@ -165,7 +165,7 @@ class TouchedSurface(Surface):
 
 
 def _patch(base: BaseShape, field: HeightField, size: float, q: Floats, uncertain: bool) -> SurfacePatch:
-    """The skin around coordinates (k,), with the uncertainty of its heights where that is asked for."""
+    """Return the skin around coordinates (k,), with the uncertainty of its heights where that is asked for."""
     around = base.around(q, size * _STENCIL)
     height = field.mean(around)
     covariance = field.covariance(around) if uncertain else None

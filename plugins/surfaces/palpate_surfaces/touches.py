@@ -49,7 +49,7 @@ class Touches:
 
 
 def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Touches:
-    """The touches of tables (.csv) and of runs (a folder, or its result.json).
+    """Return the touches of tables (.csv) and of runs (a folder, or its result.json).
 
     `uncertainty` [m] is that of tables without a column u. Raises ConfigurationError, and LogError for damaged runs.
     """
@@ -78,7 +78,7 @@ def digest_of(path: Path) -> str:
 
 
 def table_touches(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
-    """The touches of a table; `uncertainty` [m] where it has no column u. Raises ConfigurationError."""
+    """Yield the touches of a table; `uncertainty` [m] where it has no column u. Raises ConfigurationError."""
     try:
         lines = bounded_text(path, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:

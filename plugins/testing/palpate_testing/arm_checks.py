@@ -121,7 +121,7 @@ class _MovedArm:
         raise AssertionError(f"{self.name} has not begun the motion within {seconds:g} s")
 
     def reported_way(self) -> Floats:
-        """How far (3,) [m] the tip has gone since the first of its batches, as the arm says."""
+        """Return how far (3,) [m] the tip has gone since the first of its batches, as the arm says."""
         reported = places(self._device, list(self._heard))
         return np.asarray(reported[-_REPORTS:].mean(axis=0) - reported[:_REPORTS].mean(axis=0))
 

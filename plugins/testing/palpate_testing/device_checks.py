@@ -136,7 +136,7 @@ def check_readings(device: Device, batches: Sequence[Batch], readings: Mapping[s
 
 
 def moves(device: Device, seed: int) -> bool:
-    """Whether a device moves the tip."""
+    """Return True if a device moves the tip."""
     with device.connect(seed) as link:
         return isinstance(link, Arm)
 

@@ -85,7 +85,7 @@ def _watched(complaints: list[str]) -> Iterator[None]:
 
 
 def _is_exempt(caller: FrameType) -> bool:
-    """Whether code is the clock's own, or of the standard library, which may date what it logs."""
+    """Return True if code is the clock's own, or of the standard library, which may date what it logs."""
     name = str(caller.f_globals.get("__name__"))
     own = ("palpate.", "palpate_engine.", "palpate_kit.simulated_time.")
     return name.startswith(own) or name.partition(".")[0] in sys.stdlib_module_names

@@ -73,7 +73,7 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
 
 
 def _tips(value: Any) -> Iterator[Indenter]:
-    """The tips in a part's settings, itself included."""
+    """Yield the tips in a part's settings, itself included."""
     if isinstance(value, Indenter):
         yield value
     if isinstance(value, Settings):

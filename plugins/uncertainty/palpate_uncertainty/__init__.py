@@ -81,7 +81,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """The budget of a run's uncertainty, and the choice of a model."""
+    """Return the budget of a run's uncertainty, and the choice of a model."""
     where = "palpate_uncertainty"
     return {
         "report budget": Command(f"{where}.budget_command:budget", "The uncertainty budget of a run's values."),

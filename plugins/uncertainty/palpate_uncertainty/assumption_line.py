@@ -37,7 +37,7 @@ def _width(track: TrackResult) -> float:
 
 
 def _line(table: Mapping[str, Any]) -> str:
-    """The assumptions of one track: those that scale, then those that are yes or no."""
+    """Return the assumptions of one track: those that scale, then those that are yes or no."""
     values = dict.fromkeys(name for shares in table["percent"].values() for name in shares)
     first = next((name for name in _FIRST if name in values), next(iter(values)))
     second = next((name for name in _SECOND if name in values), None)
@@ -71,7 +71,7 @@ def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
 
 
 def skin_conditions(table: Mapping[str, Any]) -> list[str]:
-    """The assumed form of the skin, with the size at which it begins to matter; nothing where it is stated.
+    """Return the assumed form of the skin, with the size at which it begins to matter; nothing where it is stated.
 
     >>> skin_conditions({"level_within": 0.0897, "flat_above": 0.25})
     ['level skin (5.1 deg: 1 %)', 'flat skin (radius 250 mm: 1 %)']
@@ -83,7 +83,7 @@ def skin_conditions(table: Mapping[str, Any]) -> list[str]:
 
 
 def _rounded(number: float) -> str:
-    """A positive number to two digits, without a power of ten.
+    """Return a positive number to two digits, without a power of ten.
 
     >>> _rounded(206.1), _rounded(0.0234)
     ('210', '0.023')

@@ -57,7 +57,7 @@ def _of(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
 
 
 def _of_the_skin(track: TrackEvidence) -> dict[str, Any]:
-    """The inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %.
+    """Return the inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %.
 
     Nothing where the skin is stated, or a surface says what it is.
 

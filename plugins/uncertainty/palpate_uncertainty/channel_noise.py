@@ -53,7 +53,7 @@ WHITE = Null(np.zeros(0), 0, "assumed")
 
 
 def null_of(noise: Floats, source: Literal["standstill", "residual"] = "standstill") -> Null:
-    """The autoregression (Burg 1968) of the order that BIC prefers; white where samples are too few."""
+    """Return the autoregression (Burg 1968) of the order that BIC prefers; white where samples are too few."""
     known = noise[np.isfinite(noise)]
     n = len(known)
     if n < ENOUGH or float(np.ptp(known)) == 0.0:

@@ -60,7 +60,8 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _tone(track: TrackEvidence, course: Along) -> Iterator[Flag]:
-    """A sine in the force at standstill of the frequency at which the tip then oscillates: hum, or an alias of it."""
+    """Yield a sine in the force at standstill of the frequency at which the tip then oscillates: hum, or an alias of
+    it."""
     used = track.kept.used & np.isfinite(track.kept.position)
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     force = standstill(track)
@@ -127,7 +128,7 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
 
 
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
-    """A force after the contact that is not the one before it: by drift, or a tare that was taken in contact."""
+    """Yield a force after the contact that is not the one before it: by drift, or a tare that was taken in contact."""
     force, _, _ = _inertia_free(track, _far(track, _Air(*track.air_after)))
     if _estimates_zero(track, end) or len(force) < _MIN_SAMPLES:
         return
@@ -149,7 +150,7 @@ def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
 
 
 def _adhesion(track: TrackEvidence, by_motion: _Motion, course: Along) -> Iterator[Flag]:
-    """A pull on the way out, before the force is zero again, and what it does as that of a sphere that sticks.
+    """Yield a pull on the way out, before the force is zero again, and what it does as that of a sphere that sticks.
 
     From the pull P = 1.5 pi w R follows the work of adhesion w, and from that by how much more the tip is within the
     material, sqrt(2 pi w a/E*), than a contact of radius a without adhesion (Johnson, Kendall and Roberts 1971).
@@ -202,7 +203,7 @@ def _way(track: TrackEvidence) -> float:
 
 
 def _far(track: TrackEvidence, air: _Air, above: float = _ADHESION_HEIGHT) -> _Air:
-    """The part that is further above the surface than a material sticks."""
+    """Return the part that is further above the surface than a material sticks."""
     far = air.height > track.surface + above
     return _Air(air.time[far], air.force[far], air.height[far])
 

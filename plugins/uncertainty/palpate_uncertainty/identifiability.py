@@ -123,7 +123,8 @@ def _slid(track: TrackEvidence) -> bool:
 
 
 def _along_the_way(track: TrackEvidence) -> Diagnosed:
-    """The flag where the one value of an estimator that does not follow changes fails on a stretch of a sweep."""
+    """Return the flag where the one value of an estimator that does not follow changes fails on a stretch of a
+    sweep."""
     if not _slid(track):
         return Diagnosed()
     course = make_course(track, track.kept.used)

@@ -175,7 +175,8 @@ def _power(across: AcrossForce) -> float:
 
 
 def _stated(model: Any, std: float, depth: float) -> tuple[float, float]:
-    """The least and the largest inclination [rad] that is stated, within its uncertainty; 0 and 0 where none is."""
+    """Return the least and the largest inclination [rad] that is stated, within its uncertainty; 0 and 0 where none
+    is."""
     skin = getattr(model, "skin", None)
     if skin is None:
         return 0.0, 0.0

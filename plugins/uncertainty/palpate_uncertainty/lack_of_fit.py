@@ -61,7 +61,7 @@ def _is_fit(track: TrackEvidence) -> bool:
 
 
 def _judged(track: TrackEvidence) -> Diagnosed | None:
-    """The judgement of a track; a model without a force at such numbers is one that could not be judged."""
+    """Return the judgement of a track; a model without a force at such numbers is one that could not be judged."""
     try:
         return _judge(track)
     except (ValueError, ArithmeticError) as error:  # the others are judged
@@ -69,7 +69,7 @@ def _judged(track: TrackEvidence) -> Diagnosed | None:
 
 
 def _with_open_noise(track: TrackEvidence, finding: Diagnosed | None) -> Diagnosed | None:
-    """A finding, with the condition on the noise where neither air nor digit shows that; None without either."""
+    """Return a finding, with the condition on the noise where neither air nor digit shows that; None without either."""
     if track.ending is None or air_readings(track) is not None or rounding_noise(track) is not None:
         return finding
     text = _UNTESTED if finding is None else "noise of the force taken from its fastest changes"
@@ -115,7 +115,7 @@ def _judge(track: TrackEvidence) -> Diagnosed | None:
 
 
 def _untested(track: TrackEvidence, base: RefittedModel) -> Diagnosed:
-    """All of the residual as a discrepancy: too few readings, of a noise that is not known, test nothing."""
+    """Return all of the residual as a discrepancy: too few readings, of a noise that is not known, test nothing."""
     excess = float(np.mean(base.fit.residual**2))
     misfit = Misfit(1.0, excess, math.inf, 0.0, base.slopes, free_unknowns(track).tolist(), {})
     names = [parameter.name for parameter in track.model.parameters]

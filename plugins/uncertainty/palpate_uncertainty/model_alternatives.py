@@ -56,12 +56,12 @@ Maker = Callable[[Course], ModelAlternative]
 
 
 def no_change(course: Course) -> ModelAlternative:
-    """The model as it is."""
+    """Return the model as it is."""
     return ModelAlternative("", lambda theta, surface, extra: course.forces(theta, surface))
 
 
 def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change) -> Refit:
-    """A model fitted from a start, parameters within its bounds."""
+    """Return a model fitted from a start, parameters within its bounds."""
     from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
     small = course if course.model.memory else course.reduced(_MAX_SAMPLES)
@@ -146,13 +146,13 @@ def relaxing_parameter(course: Course) -> int | None:
 
 
 def fastest_branch(course: Course, frequency: float | None) -> float:
-    """The time [s] in which what relaxes is distinguished from the model's viscosity; 0 for any time."""
+    """Return the time [s] in which what relaxes is distinguished from the model's viscosity; 0 for any time."""
     viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
     return 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
 
 
 def _timing(course: Course) -> ModelAlternative:
-    """A force that is recorded late, to first order."""
+    """Return a force that is recorded late, to first order."""
     return ModelAlternative(
         "timing",
         lambda theta, surface, x: course.forces(theta, surface) - x[0] * course.change(theta, surface),
@@ -163,7 +163,7 @@ def _timing(course: Course) -> ModelAlternative:
 
 
 def _drift(course: Course) -> ModelAlternative:
-    """A force that drifts from the first contact on; where there was no air before it, from anywhere."""
+    """Return a force that drifts from the first contact on; where there was no air before it, from anywhere."""
     since, most = (course.time - course.begin) / course.span, float(np.max(np.abs(course.force[course.used])))
     if course.from_air:
         return ModelAlternative("drift", lambda t, s, x: course.forces(t, s) + x[0] * since, (0.0,), (-most,), (most,))
@@ -174,7 +174,7 @@ def _drift(course: Course) -> ModelAlternative:
 
 
 def _compliance(course: Course, base: Refit) -> ModelAlternative:
-    """An arm or a base that gives way to the force as the model has it, to first order."""
+    """Return an arm or a base that gives way to the force as the model has it, to first order."""
     force = course.forces(base.theta, base.surface)
     change = course.change(base.theta, base.surface)
     return ModelAlternative(
@@ -198,7 +198,7 @@ def _mass(course: Course) -> ModelAlternative:
 
 
 def _lift_off(course: Course) -> ModelAlternative:
-    """A surface that does not pull: the tip leaves it faster than it comes back."""
+    """Return a surface that does not pull: the tip leaves it faster than it comes back."""
     return ModelAlternative("lift-off", lambda theta, surface, x: np.maximum(course.forces(theta, surface), 0.0))
 
 
@@ -221,7 +221,7 @@ def _shape(course: Course, base: Refit) -> _Shape | None:
 
 
 def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
-    """The elastic force times c(X), X growing as the contact radius, and the viscous force after its derivative.
+    """Return the elastic force times c(X), X growing as the contact radius, and the viscous force after its derivative.
 
     The contact radius is the slope of the elastic force in depth, but for a constant, which the extra number takes.
     """
@@ -248,7 +248,7 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
 
 
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
-    """An elastic force that is another power of depth, and the viscous force after its slope.
+    """Return an elastic force that is another power of depth, and the viscous force after its slope.
 
     Which tip that is, is not known: the elastic parameters may be what the force, or what its slope, at the mean depth
     would need in the model.

@@ -82,7 +82,7 @@ def _behind(group: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _winner(group: Sequence[Candidate]) -> list[str]:
-    """The model that predicts each block of a record best."""
+    """Return the model that predicts each block of a record best."""
     if not group or not len(group[0].blocks):
         return []
     table = np.array([np.where(np.isfinite(one.blocks), one.blocks, np.inf) for one in group])
@@ -98,7 +98,7 @@ def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
 
 
 def sentence(standings: Sequence[ModelStanding], records: int) -> str:
-    """The data's evidence, in a sentence for a paper."""
+    """Return the data's evidence, in a sentence for a paper."""
     over = f"over {records} records" if records > 1 else "of the record"
     fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
     if not fair:

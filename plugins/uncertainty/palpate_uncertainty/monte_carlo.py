@@ -78,7 +78,7 @@ class PropagatedDraws:
 
 
 def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
-    """The tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
+    """Return the tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
     carried = read_run_log(run)
     if carried is None:
         raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
@@ -186,7 +186,7 @@ def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
 
 
 def _scatter(case: Case, row: Mapping[str, Any], random: np.random.Generator) -> Floats:
-    """The estimator's own scatter: by its covariance where it gives one, the rest of its std uncorrelated."""
+    """Return the estimator's own scatter: by its covariance where it gives one, the rest of its std uncorrelated."""
     std = _effects(case, row)
     if case.covariance is None:
         return np.asarray(std * random.standard_normal(len(std)))
@@ -226,7 +226,7 @@ def _slope(samples: Samples) -> Floats:
 
 
 def with_number(part: Any, name: str, change: float) -> Any:
-    """A model with the number of this name, its own or its tip's, changed by so much."""
+    """Return a model with the number of this name, its own or its tip's, changed by so much."""
     for key in type(part).model_fields:
         value = getattr(part, key)
         if key == name and isinstance(value, float):

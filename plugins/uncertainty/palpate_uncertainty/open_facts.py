@@ -50,7 +50,7 @@ class _OpenTrack:
         return dict(zip(self.names, shifts[: len(self.names)].tolist(), strict=True))
 
     def against(self, error: Floats) -> dict[str, float]:
-        """The values less an error (n,) [N] of the force."""
+        """Return the values less an error (n,) [N] of the force."""
         answer = self.found.answer(error) if self.found is not None else None
         return self.table(None if answer is None else -answer)
 
@@ -74,7 +74,7 @@ class _OpenTrack:
 
 
 def open_facts(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The open facts of every track, each with what an alternative would make of its values."""
+    """Return the open facts of every track, each with what an alternative would make of its values."""
     found = {}
     for evidence in tracks:
         end = evidence.ending
@@ -101,7 +101,7 @@ def _thickness(track: _OpenTrack) -> Iterator[Condition]:
 
 
 def _base(track: _OpenTrack) -> Iterator[Condition]:
-    """A layer of a stated height is taken as glued to its base; one that slides is softer (Dimitriadis 2002)."""
+    """Yield a layer of a stated height is taken as glued to its base; one that slides is softer (Dimitriadis 2002)."""
     layer = getattr(track.evidence.model, "thickness", None)
     if getattr(layer, "height", 0.0) <= 0 or getattr(layer, "bonded", True) is not None:
         return
@@ -235,6 +235,6 @@ _FACTS: tuple[Callable[[_OpenTrack], Iterator[Condition]], ...] = (
 
 
 def _length(metres: float) -> str:
-    """A length in mm, or in um where that is less than a tenth of one."""
+    """Return a length in mm, or in um where that is less than a tenth of one."""
     factor, unit = (1e3, "mm") if metres >= 1e-4 else (1e6, "um")
     return f"{float(f'{factor * metres:.2g}'):g} {unit}"

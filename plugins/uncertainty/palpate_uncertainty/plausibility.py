@@ -64,7 +64,7 @@ def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: 
 
 
 def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
-    """An elasticity that nothing soft has, by which force or height are in another unit than is stated."""
+    """Yield an elasticity that nothing soft has, by which force or height are in another unit than is stated."""
     for column, parameter in enumerate(model.parameters):
         value = float(last.values[:, column].mean())
         if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT_RANGE[0] <= value <= _SOFT_RANGE[1]:
@@ -98,7 +98,7 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
 
 
 def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -> Iterator[Flag]:
-    """The flag where innovations are not as large as the filter expects: each std (k,) is off by sqrt(NIS)."""
+    """Yield the flag where innovations are not as large as the filter expects: each std (k,) is off by sqrt(NIS)."""
     known = np.isfinite(seen.nis)
     parts = (seen.nis[known], seen.nis[known & steady(seen)])  # a hesitation makes large ones, or a large scale of all
     nis, *others = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
@@ -108,7 +108,7 @@ def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -
 
 
 def _colour_flags(tail: Tail, model: ContactModel, std: Floats) -> Iterator[Flag]:
-    """The flag where innovations predict one another.
+    """Yield the flag where innovations predict one another.
 
     As an autoregression of the first order by a share r, n of them are worth n (1 - r)/(1 + r), and each standard
     deviation `std` (k,) is too small by the root of that.
@@ -127,7 +127,8 @@ def _too_certain(model: ContactModel, std: Floats, scale: float) -> dict[str, fl
 
 
 def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Iterator[Flag]:
-    """The flag where the force swings too little for the track's values: a filter knows what came before its end."""
+    """Yield the flag where the force swings too little for the track's values: a filter knows what came before its
+    end."""
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
@@ -143,7 +144,7 @@ def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
-    """The model's own limits, at the greatest depth that was reached."""
+    """Yield the model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself

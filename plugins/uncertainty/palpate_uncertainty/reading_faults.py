@@ -31,7 +31,7 @@ def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
-    """A velocity that lags the position, and what it moves by the way in which the estimator uses it.
+    """Yield a velocity that lags the position, and what it moves by the way in which the estimator uses it.
 
     Where the velocity is all that it knows of the motion, the motion is late: theta shifts as with a delay of the force
     of the other sign. Where the position is used as well, only the rate is late: f = -dF/dd' d'' tau.
@@ -61,7 +61,7 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
 
 
 def air_force_flags(model: ContactModel, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
-    """A force before the first touch, and what it moves where it is a wrong zero."""
+    """Yield a force before the first touch, and what it moves where it is a wrong zero."""
     report = end.report
     if (
         "tare" in end.included

@@ -83,7 +83,7 @@ class Course:
         return {}
 
     def _once(self, what: str, theta: Floats, surface: float, evaluate: Callable[[], _T]) -> _T:
-        """The same for the same numbers, of which a search varies one at a time."""
+        """Return the same for the same numbers, of which a search varies one at a time."""
         key = what, theta.tobytes(), surface
         if key not in self._latest:
             if len(self._latest) >= _MAX_ANSWERS:
@@ -152,7 +152,7 @@ def possible(track: TrackEvidence) -> bool:
 
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
-    """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
+    """Return the course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
     kept, motion = track.kept, _motion(track.kept)
     zero = zero_without_air(track)
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration) - (zero.value if zero else 0.0)

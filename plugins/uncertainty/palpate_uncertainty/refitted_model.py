@@ -44,7 +44,8 @@ class RefittedModel:
     frequency: float | None  # [Hz] of the oscillation
 
     def test(self, residual: Floats) -> WhitenessTest:
-        """The tests of a residual (n,) [N] of the fitted samples, over time, depth, phase and from one to the next."""
+        """Return the tests of a residual (n,) [N] of the fitted samples, over time, depth, phase and from one to the
+        next."""
         rows, course = self.course.used, self.course
         found = whiteness_tests(
             residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null
@@ -123,7 +124,7 @@ class RefittedModel:
 
 
 def refitted_model(track: TrackEvidence) -> RefittedModel:
-    """The model fitted to all samples in contact, whether the track used them or not.
+    """Return the model fitted to all samples in contact, whether the track used them or not.
 
     Of a fit that leaves a part of the contact out on purpose, or has unknowns besides the model's, what it used.
     """
@@ -132,7 +133,7 @@ def refitted_model(track: TrackEvidence) -> RefittedModel:
 
 
 def with_noise(track: TrackEvidence, course: Course, fit: Refit) -> RefittedModel:
-    """A fit to a course, with the course's oscillation and the noise to test it against."""
+    """Return a fit to a course, with the course's oscillation and the noise to test it against."""
     rhythm = oscillation(course.time[course.used], course.height[course.used])
     frequency, phase = rhythm or (None, None)
     return RefittedModel(course, fit, _null(track, fit.residual, phase), phase, frequency)
@@ -154,7 +155,7 @@ def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
 
 
 def judges_all(track: TrackEvidence) -> bool:
-    """Whether a track's model is to hold for all samples in contact."""
+    """Return True if a track's model is to hold for all samples in contact."""
     names = {*(parameter.name for parameter in track.model.parameters), "surface"}
     unknowns = track.report.unknowns if track.report is not None else {}
     beside = any(unknown.free and name not in names for name, unknown in unknowns.items())
@@ -187,7 +188,7 @@ def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
 
 
 def by_innovations(track: TrackEvidence) -> WhitenessTest:
-    """The tests of what the estimator itself left."""
+    """Return the tests of what the estimator itself left."""
     kept = track.kept
     rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~kept.hesitating
     time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
@@ -203,7 +204,7 @@ def misfit_table(found: WhitenessTest) -> Diagnosed:
 
 
 def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -> Diagnosed:
-    """The row, and the note or finding, of a misfit that `found` shows in a refit or in what an estimator left.
+    """Return the row, and the note or finding, of a misfit that `found` shows in a refit or in what an estimator left.
 
     Without a noise that is known, the misfit is the share of the variance that has a pattern, and an alternative
     explains as much as its refit takes of the variance.

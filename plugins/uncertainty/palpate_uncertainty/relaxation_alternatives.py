@@ -87,7 +87,8 @@ def _scaled(columns: Floats) -> tuple[Floats, Floats]:
 
 
 def relaxing_share(force: Floats, ratio: float) -> Floats:
-    """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
+    """Return the remaining share of a force that dies away, by the ratio of step to time constant; exact for steady
+    change."""
     keep, reach = float(np.exp(-ratio)), 1
     share = (1.0 - keep) / ratio * np.diff(force, prepend=force[0])
     while reach < len(share) and keep > _MIN_MEMORY:  # each turn doubles how far it remembers (Hillis and Steele 1986)

@@ -58,7 +58,7 @@ class JudgedRows:
 
     @classmethod
     def of(cls, track: TrackEvidence, course: Course) -> JudgedRows:
-        """The rows of a course, and the air of its track."""
+        """Return the rows of a course, and the air of its track."""
         used = course.used
         force, jacobian, by_depth, by_rate = slopes_of(course, track.values, track.surface)
         time, depth, rate, bend, read = _air(track, float(np.max(course.depth(track.surface)[used])))
@@ -90,7 +90,7 @@ class JudgedRows:
 
     @property
     def _is_small(self) -> bool:
-        """Whether the tip is not that of a robot, which has another zero and hardly a mass."""
+        """True if the tip is not that of a robot, which has another zero and hardly a mass."""
         return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL_RADIUS) < _SMALL_RADIUS)
 
     def _fixed(self) -> Iterator[tuple[str, Floats, float]]:
@@ -134,7 +134,7 @@ class JudgedRows:
 
     @property
     def _tells_zero(self) -> bool:
-        """Whether the zero of the force is that of the record's air, which is tested as well."""
+        """True if the zero of the force is that of the record's air, which is tested as well."""
         tare = self.track.ending.report.tare if self.track.ending is not None else None
         return self._has_air and tare is not None and tare.noise is not None
 
@@ -229,7 +229,7 @@ class JudgedRows:
 
     @property
     def _bends(self) -> bool:
-        """Whether the acceleration is one of the motion, and not noise of the heights, which the force has as well."""
+        """True if the acceleration is one of the motion, and not noise of the heights, which the force has as well."""
         step = float(np.median(np.diff(self.course.time)))
         slope = cubic_weights(_width(step, len(self.course.time)), 1) / step
         noise = noise_of(self.track.kept.position, self.track.kept.time) * float(

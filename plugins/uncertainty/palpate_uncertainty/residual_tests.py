@@ -59,7 +59,7 @@ class ResidualTests:
 
 
 def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
-    """The tests of a fit; None where its residual is not known, or the noise is open.
+    """Return the tests of a fit; None where its residual is not known, or the noise is open.
 
     What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model.
     """
@@ -95,7 +95,7 @@ def _by_what_is_fixed(
 
 
 def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
-    """The tests of a filter's model, fitted to the `contact` (n,); None where the noise is open.
+    """Return the tests of a filter's model, fitted to the `contact` (n,); None where the noise is open.
 
     Innovations of a filter are not white where its model is right. Rate and acceleration are derived as by a fit.
     """

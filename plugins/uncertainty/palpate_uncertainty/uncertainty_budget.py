@@ -40,7 +40,7 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
 
 
 def delays(model: ContactModel, values: Floats, shifts: Floats, terms: Sequence[Term]) -> Iterator[tuple[str, float]]:
-    """The delay [s] that each viscosity looks like; of one that is not a parameter where timing is declared."""
+    """Yield the delay [s] that each viscosity looks like; of one that is not a parameter where timing is declared."""
     for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
         if shift and is_viscous(parameter):
             yield parameter.name, value / abs(shift)

@@ -37,7 +37,7 @@ class WhitenessTest:
 def whiteness_tests(
     values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Floats | None, null: Null
 ) -> WhitenessTest:
-    """The tests of residuals or innovations (n,) of any scale, against the noise that `null` gives.
+    """Return the tests of residuals or innovations (n,) of any scale, against the noise that `null` gives.
 
     `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None without
     one. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening

@@ -68,7 +68,7 @@ class ContactForce:
         self.repeats, self._count = repeats, RepeatCount(repeats)
 
     def fault_of(self, values: Floats) -> str | None:
-        """Why forces (n, components) are not readings; None where they are."""
+        """Return why forces (n, components) are not readings; None where they are."""
         if not np.isfinite(values).all():
             return f"a reading of {self.name} is over range or invalid"
         ends = ((values <= self._low) | (values >= self._high)).any(axis=0)
@@ -77,11 +77,12 @@ class ContactForce:
         return None
 
     def torque_fault(self, rows: Floats, most: float) -> str | None:
-        """Why readings (n, channels) are a torque over `most` [N m], or none; None where they are in order."""
+        """Return why readings (n, channels) are a torque over `most` [N m], or none; None where they are in order."""
         return torque_fault(rows[:, self.torques], self.torque_tare, most)
 
     def repeated(self, rows: Floats) -> str | None:
-        """Why the sensor no longer measures, after the next readings (n, channels) of a motion; None where it does."""
+        """Return why the sensor no longer measures, after the next readings (n, channels) of a motion; None where it
+        does."""
         if self._count is None:
             return None
         self._count.add(rows)

@@ -343,7 +343,8 @@ class Guard:
                 self._add(_REVERSED)
 
     def awaits_readings(self, waited: float) -> bool:
-        """Whether readings from before the arms stood may still come, a time [s] after that; only after a stop."""
+        """Return True if readings from before the arms stood may still come, a time [s] after that; only after a
+        stop."""
         if self.reason is None or self._limits is None:
             return False
         late = (self._limits.sensor_delay or 0.0) + max(self._force.age.latest, 0.0)
@@ -357,7 +358,7 @@ class Guard:
 
     @property
     def has_stood_still(self) -> bool:
-        """Whether force and position have sent enough to be judged."""
+        """True if force and position have sent enough to be judged."""
         return min(len(self._force.at_standstill()), len(self._position.at_standstill())) >= _ENOUGH
 
     def judge_standstill(self, declared: Noise | None = None) -> Standstill:

@@ -19,7 +19,7 @@ class HostWatch:
 
     @property
     def is_watching(self) -> bool:
-        """Whether it has been started."""
+        """True if it has been started."""
         return self._thread.ident is not None
 
     def expect(self, devices: Iterable[str]) -> None:

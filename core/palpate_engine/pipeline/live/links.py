@@ -118,7 +118,7 @@ class LiveLinks:
             yield self._next(0.0)
 
     def _next(self, timeout: float) -> list[tuple[str, Batch]]:
-        """All that waits in the queue; the first of it may take until `timeout` [s] to come."""
+        """Return all that waits in the queue; the first of it may take until `timeout` [s] to come."""
         found: list[tuple[str, Batch]] = []
         self.largest_backlog = max(self.largest_backlog, self._queue.qsize() - 1)
         try:

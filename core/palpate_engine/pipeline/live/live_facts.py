@@ -82,7 +82,7 @@ class LiveFacts:
 
 
 def motion_facts(links: Mapping[str, Link], largest_backlog: int, guard: Guard) -> MotionFacts:
-    """The facts of a motion that is over, while its links are still there."""
+    """Return the facts of a motion that is over, while its links are still there."""
     return MotionFacts(
         {name: finite_tree(link.health) for name, link in links.items() if isinstance(link, ReportsHealth)},
         largest_backlog,

@@ -38,12 +38,12 @@ class LiveRun:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether the guard has tripped, or the run was interrupted."""
+        """True if the guard has tripped, or the run was interrupted."""
         return self.guard.reason is not None or self.interrupt.reason is not None
 
     @property
     def has_sampled_standstill(self) -> bool:
-        """Whether as much of the record as the standstill lasts has become samples, where any are made."""
+        """True if as much of the record as the standstill lasts has become samples, where any are made."""
         return self._sampled is None or self._sampled >= self.standstill
 
     def pass_on(self, arrivals: Arrivals) -> None:

@@ -18,7 +18,7 @@ class PeakForce:
         self.latest = 0.0  # [N] the largest component, tared
 
     def note(self, values: Floats, tare: Floats) -> float:
-        """The largest tared component [N] of readings (n, components)."""
+        """Return the largest tared component [N] of readings (n, components)."""
         sizes = np.abs(values - tare)
         largest = float(np.fmax.reduce(sizes, axis=None, initial=0.0))
         self.latest = float(np.fmax.reduce(sizes[-1], initial=0.0)) if len(sizes) else self.latest

@@ -58,7 +58,7 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
 
 
 def _force_from(live: LiveRun, begin: int) -> Floats:
-    """The force's readings (n,) received from an instant [ns] on, for as long as they are compared."""
+    """Return the force's readings (n,) received from an instant [ns] on, for as long as they are compared."""
     port = live.guard.force
     end, heard = begin + round(1e9 * _LISTEN), clock().now()
     readings: list[Floats] = []

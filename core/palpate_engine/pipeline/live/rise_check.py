@@ -67,7 +67,7 @@ class RiseCheck:
             self._commanded_height = self._position.signal.sign * float(batch.values[-1, self._position.column])
 
     def fault(self, batch: Batch, pushed: Floats) -> str | None:
-        """Why tared forces (n,) [N] that push out are not believed; None where they are."""
+        """Return why tared forces (n,) [N] that push out are not believed; None where they are."""
         if self._watch is None or math.isinf(self._height):
             return None
         time, way = float(batch.time[-1]) / 1e9, -self._height

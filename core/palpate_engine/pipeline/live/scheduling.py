@@ -39,7 +39,7 @@ def real_time_section(stop: Callable[[str], None]) -> Iterator[str]:
 
 
 def _permission() -> str:
-    """Whether this process may have real-time scheduling: tried out, and given back."""
+    """Return True if this process may have real-time scheduling: tried out, and given back."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
         _ordinary(0)

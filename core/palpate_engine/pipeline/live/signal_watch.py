@@ -38,7 +38,7 @@ class SignalWatch:
         return ahead - before
 
     def late_fault(self, batch: Batch, delay: float, limit: float) -> str | None:
-        """Why readings come too late, by age [s] and by stamp, where a sensor has a delay [s]; None in time."""
+        """Return why readings come too late, by age [s] and by stamp, where a sensor has a delay [s]; None in time."""
         self.age.add(batch.time.tolist(), batch.received.tolist())
         fault = self.age.complaint(f"readings of {self.name}", limit)
         if self.stamp_age is not None:
@@ -47,7 +47,7 @@ class SignalWatch:
         return fault
 
     def silence(self, stream: str, looked: int, news: bool) -> float:
-        """How long [s] it has been silent for sure, when its process looked at a stream of the device.
+        """Return how long [s] it has been silent for sure, when its process looked at a stream of the device.
 
         A look counts from the next one at the same stream on: what was received before the first is here by then,
         however late the batches are taken.
@@ -71,7 +71,7 @@ class SignalWatch:
         self._standstill_times += [int(batch.received[0]), int(batch.received[-1])]
 
     def at_standstill(self) -> Floats:
-        """The finite readings (n,) at standstill."""
+        """Return the finite readings (n,) at standstill."""
         values = np.concatenate(self._standstill) if self._standstill else np.zeros(0)
         return values[np.isfinite(values)]
 

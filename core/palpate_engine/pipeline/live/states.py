@@ -43,7 +43,7 @@ def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
 
 
 def compensable_offset(live: LiveRun) -> Offset | None:
-    """The sensor's reading in free air as it is stored, where arms are to move and one is."""
+    """Return the sensor's reading in free air as it is stored, where arms are to move and one is."""
     if live.trajectory is None or live.rig.safety is None or not live.arms:
         return None
     health = {name: link.health for name, link in live.links.links.items() if isinstance(link, ReportsHealth)}
@@ -77,7 +77,7 @@ def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> R
 
 
 def _set_force(trajectory: Trajectory) -> float:
-    """The force [N] that a law of the motion holds."""
+    """Return the force [N] that a law of the motion holds."""
     return trajectory.force_law.force if isinstance(trajectory, ForceControlled) else NO_SET_FORCE
 
 

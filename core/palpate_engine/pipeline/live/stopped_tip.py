@@ -38,7 +38,7 @@ class StoppedTip:
 
     @property
     def shows_rest(self) -> bool:
-        """Whether states since the stop show that the tip stands."""
+        """True if states since the stop show that the tip stands."""
         return self._window is not None and self._window.shows_rest
 
     @property
@@ -74,7 +74,8 @@ class StoppedTip:
         return f"; the arm was to leave, and that has failed: {text.rstrip('.')}.{rest}{advice}"
 
     def disobedience(self, limits: SafetySettings) -> str | None:
-        """The sentence to add where the tip goes deeper than v t + v^2/(2 a) after a stop; None while it obeys."""
+        """Return the sentence to add where the tip goes deeper than v t + v^2/(2 a) after a stop; None while it
+        obeys."""
         allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _MORE
         deeper = self._at_stop - self.height
         if not (math.isfinite(deeper) and deeper > allowed):

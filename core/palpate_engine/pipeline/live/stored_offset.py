@@ -23,7 +23,7 @@ class Offset:
 
 
 def stored_offset(rig: Rig, live: Mapping[str, Mapping[str, Any]]) -> Offset | None:
-    """The offset that the file knows, if any; `live` is what connected devices say of themselves."""
+    """Return the offset that the file knows, if any; `live` is what connected devices say of themselves."""
     tare = rig.alignment.tare
     if not isinstance(tare, float):
         return None

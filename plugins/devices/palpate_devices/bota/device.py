@@ -83,7 +83,7 @@ class BotaSensor(Device):
         return {"sensor": '"bota"'}
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The sensor, set up and streaming."""
+        """Return the sensor, set up and streaming."""
         start = self.boot + self.settle + 15.0
         name = f"bota at {self.port}"
         return SensorProcess(name, BotaReader, self.streams, self.model_dump(), self.sensor_timeout, start).link()

@@ -44,7 +44,7 @@ class BotaReader(SensorReader):
         return facts
 
     def read(self, line: Any) -> Iterable[Reading]:
-        """The frames that have become complete."""
+        """Return the frames that have become complete."""
         data = received(line)
         frames = self._decoder.feed(data)
         self.counts["damaged"], self.counts["skipped_bytes"] = self._decoder.damaged, self._decoder.skipped

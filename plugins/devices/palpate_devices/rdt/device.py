@@ -57,6 +57,6 @@ class RdtSensor(Device):
         return {"sensor": f'"{self.box}"'}
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """The sensor, streaming."""
+        """Return the sensor, streaming."""
         name, settings = f"rdt at {self.host}", self.model_dump()
         return SensorProcess(name, RdtReader, self.streams, settings, self.sensor_timeout, self.boot + 5.0).link()

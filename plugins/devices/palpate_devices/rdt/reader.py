@@ -23,7 +23,7 @@ class RdtReader(SensorReader):
     counters: ClassVar[tuple[str, ...]] = ("lost", "out_of_order")
 
     def open(self) -> socket.socket:
-        """A socket for datagrams."""
+        """Return a socket for datagrams."""
         settings = self.settings
         self._before: int | None = None
         ati = settings["counts_per_force"], settings["counts_per_torque"]
@@ -43,7 +43,7 @@ class RdtReader(SensorReader):
         return {}
 
     def read(self, line: socket.socket) -> Iterable[Reading]:
-        """The reading of one packet, unless an older one overtook it."""
+        """Return the reading of one packet, unless an older one overtook it."""
         data = line.recv(256)
         if len(data) != REPLY.size:
             return ()

@@ -29,7 +29,7 @@ class FlangeLoad:
 
 
 def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
-    """The load from wrenches in several orientations, the sensor's offset unknown; the base stands upright.
+    """Return the load from wrenches in several orientations, the sensor's offset unknown; the base stands upright.
 
     f = m g + f0 and t = c x m g + t0 in the flange's frame. Raises ConfigurationError where the orientations are too
     much alike, or where something else than weight was felt.

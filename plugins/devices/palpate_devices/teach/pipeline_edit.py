@@ -15,7 +15,7 @@ Edit = Mapping[str, Any]  # keys of a device's table, tables among them
 
 
 def edited_text(text: str, device: str, changes: Edit) -> str:
-    """The text of a pipeline with other settings of a device; raises ConfigurationError."""
+    """Return the text of a pipeline with other settings of a device; raises ConfigurationError."""
     try:
         document = tomlkit.parse(text)
         tables: Any = document

@@ -25,7 +25,7 @@ class SurfacePlane:
 
     @classmethod
     def through(cls, points: Floats, outwards: Floats) -> SurfacePlane:
-        """The plane of three points (3, 3) [m]; `outwards` (3,) is where the tool comes from.
+        """Return the plane of three points (3, 3) [m]; `outwards` (3,) is where the tool comes from.
 
         Raises ConfigurationError where they lie on one line, or where the tool does not look at their plane.
         """
@@ -49,7 +49,7 @@ class SurfacePlane:
         return cls(points[0], normal)
 
     def height_of(self, point: Floats) -> float:
-        """How far [m] a point (3,) lies out of the material."""
+        """Return how far [m] a point (3,) lies out of the material."""
         return float((point - self.place) @ self.normal)
 
 

@@ -26,7 +26,7 @@ class Pivot:
 
 
 def pivot_of(flanges: Sequence[Floats]) -> Pivot:
-    """The point that stood still while the flange (4, 4) took some postures; raises ConfigurationError.
+    """Return the point that stood still while the flange (4, 4) took some postures; raises ConfigurationError.
 
     R t + p = c for each posture with rotation R and place p: least squares for t on the flange and c in the base.
     """

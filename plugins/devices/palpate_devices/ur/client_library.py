@@ -15,7 +15,7 @@ def robots_here() -> str:
 
 
 def missing_library() -> str:
-    """Why no robot can be driven, and what can be done."""
+    """Return why no robot can be driven, and what can be done."""
     here = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     return (
         f"replay and simulation only here: the client library ur-rtde is not installed for {here}; its wheels are for "

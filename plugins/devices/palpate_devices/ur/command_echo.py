@@ -44,7 +44,8 @@ class Echo:
         self._usual = math.inf  # [s] the shortest time in which one came back
 
     def number(self, now: float, place: Floats) -> float:
-        """The number of the next command, to a place (3,) [m], as an acceleration [m/s^2], sent at a time [s]."""
+        """Return the number of the next command, to a place (3,) [m], as an acceleration [m/s^2], sent at a time
+        [s]."""
         if self._heard == self._sent % _NUMBERS or not self._sent:
             self._since = now
         self._sent += 1
@@ -63,7 +64,7 @@ class Echo:
             self._usual = min(self._usual, now - self._commands[0].sent)
 
     def ahead(self, now: float) -> float:
-        """How far [m] the latest command is, at a time [s], from what the controller has taken before it.
+        """Return how far [m] the latest command is, at a time [s], from what the controller has taken before it.
 
         0 where each was taken in its tick: those that are not yet expected back count as taken, if a state came since.
         """
@@ -116,7 +117,7 @@ class ReadBack:
         self._link.setblocking(False)
 
     def _ask(self, kind: str, payload: bytes = b"") -> bytes:
-        """The answer to a packet; texts and data between the two are skipped."""
+        """Return the answer to a packet; texts and data between the two are skipped."""
         self._link.sendall(struct.pack(">HB", 3 + len(payload), ord(kind)) + payload)
         while True:
             for answer, content in self._packets():

@@ -41,7 +41,7 @@ _REDUCED = (
 
 
 def complaint(modes: tuple[int, int, int]) -> str | None:
-    """Why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can."""
+    """Return why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can."""
     robot, safety, runtime = modes
     if safety not in _SAFE:
         what = _SAFETY.get(safety, f"safety mode {safety}")
@@ -58,7 +58,7 @@ def complaint(modes: tuple[int, int, int]) -> str | None:
 
 
 def slowdown(paces: tuple[float, float], safety: int, before: int | None) -> str | None:
-    """Why the arm is slower than it is commanded, or about to be; None where it is not.
+    """Return why the arm is slower than it is commanded, or about to be; None where it is not.
 
     From the speed slider and the controller's own scaling (1 is full speed), its safety mode, and the one `before`, at
     the start of the motion, where there is one.

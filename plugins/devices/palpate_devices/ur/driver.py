@@ -150,7 +150,7 @@ class URDriver(ArmDriver):
             )
 
     def read(self) -> ArmReading | None:
-        """The state, whole: a packet that comes in between mixes two."""
+        """Return the state, whole: a packet that comes in between mixes two."""
         receive = self._receive
         stamp = receive.getTimestamp()
         if stamp == self._stamp:
@@ -188,7 +188,7 @@ class URDriver(ArmDriver):
             self._echo.hear(*news)
 
     def explain(self) -> str | None:
-        """Whether the controller's packets are of another size than was agreed on."""
+        """Return True if the controller's packets are of another size than was agreed on."""
         if self._read_back is None:
             return None
         self._take_echo()
@@ -223,7 +223,8 @@ class URDriver(ArmDriver):
         raise ArmFaultError(text + (self._mute_control() if modes == (RUNNING, NORMAL, STOPPED) else ""))
 
     def _mute_control(self) -> str:
-        """A program that the control link still reports as running, although the other link reports that it is not."""
+        """Return a program that the control link still reports as running, although the other link reports that it
+        is not."""
         for _ in range(_MUTE):
             if not self._control.isProgramRunning():
                 return ""
@@ -259,7 +260,7 @@ def _modes(reading: ArmReading) -> tuple[int, int, int]:
 
 
 def _sent(command: Callable[..., bool], *arguments: Any) -> bool:
-    """Whether a command was sent; of a link that was reset the library says it in words of its sockets."""
+    """Return True if a command was sent; of a link that was reset the library says it in words of its sockets."""
     try:
         return bool(command(*arguments))
     except RuntimeError as error:

@@ -47,7 +47,7 @@ class URByHand:
         self.tool = self._tool(model, tcp, rotation)
 
     def _tool(self, model: str, tcp: Sequence[float], rotation: Sequence[float] | None) -> Floats:
-        """The tool (4, 4) on the flange, by what is declared; the pendant has to have the same."""
+        """Return the tool (4, 4) on the flange, by what is declared; the pendant has to have the same."""
         self._next_state(-1.0)
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
         declared = matrix_of([*tcp, *(rotation or (0.0, 0.0, 0.0))])
@@ -64,7 +64,7 @@ class URByHand:
         return declared
 
     def read(self) -> Posture:
-        """The mean over half a second; raises UnsteadyError, DeviceError."""
+        """Return the mean over half a second; raises UnsteadyError, DeviceError."""
         rows, stamp, end = [], -1.0, clock().now() + LISTEN
         while clock().now() < end:
             stamp = self._next_state(stamp)

@@ -19,7 +19,7 @@ class ColumnTranslation(Translation):
         self._vector = self._ir.VectorType(self._scalar, LANES)
 
     def module(self) -> Any:
-        """The LLVM module."""
+        """Return the LLVM module."""
         ir = self._ir
         self._module = ir.Module(name="columns")
         columns, place = self._scalar.as_pointer().as_pointer(), self._scalar.as_pointer()
@@ -119,7 +119,7 @@ class ColumnTranslation(Translation):
         return self._spread(self._settings[place])
 
     def _spread(self, value: Any) -> Any:
-        """A number in every lane."""
+        """Return a number in every lane."""
         if self._double is self._scalar:
             return value
         found = self._ir.Constant(self._vector, self._ir.Undefined)

@@ -8,7 +8,7 @@ _HIGHEST = 4.5
 
 
 def with_roots(function: Any) -> Any:
-    """A CasADi function of symbols (SX) with each power of -4.5, -3.5 .. 4.5 as a product with a square root."""
+    """Return a CasADi function of symbols (SX) with each power of -4.5, -3.5 .. 4.5 as a product with a square root."""
     import casadi
     from palpate_kit.kernel.translation import operations
 

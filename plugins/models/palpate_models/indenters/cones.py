@@ -58,7 +58,7 @@ class TruncatedCone(Indenter):
         return s
 
     def contact_radius(self, depth: Any) -> Any:
-        """The root a of a tan(t) acos(b/a) = d [m]."""
+        """Return the root a of a tan(t) acos(b/a) = d [m]."""
         return self.face_radius * (1.0 + self._rise(depth) ** 2) ** 0.5
 
     def profile_area(self, depth: Any) -> Any:
@@ -99,14 +99,14 @@ class BluntCone(Indenter):
         return a
 
     def contact_radius(self, depth: Any) -> Any:
-        """The sphere's, then the root a of a [L + tan(t) atan(s)] = d [m]."""
+        """Return the sphere's, then the root a of a [L + tan(t) atan(s)] = d [m]."""
         scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
         cone = self._cone_radius(select(scaled, edge, scaled, _CONE_DEPTH * edge))
         sphere = tanh(sphere_angle(select(scaled, edge, edge, scaled)))
         return self.tip_radius * select(scaled, edge, cone, sphere)
 
     def profile_area(self, depth: Any) -> Any:
-        """The sphere's, then 1/2 [(R^2 + a^2) L + b s R cos t - a R + tan(t) (a^2 atan(s) + b^2 s)] [m^2]."""
+        """Return the sphere's, then 1/2 [(R^2 + a^2) L + b s R cos t - a R + tan(t) (a^2 atan(s) + b^2 s)] [m^2]."""
         sine, cosine, tangent = math.sin(self.angle), math.cos(self.angle), math.tan(self.angle)
         scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
         a = self._cone_radius(select(scaled, edge, scaled, _CONE_DEPTH * edge))

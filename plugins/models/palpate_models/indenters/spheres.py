@@ -50,7 +50,7 @@ class ExactSphere(Indenter):
         return self.radius
 
     def contact_radius(self, depth: Any) -> Any:
-        """The root a of (a/2) ln((R + a)/(R - a)) = d [m]."""
+        """Return the root a of (a/2) ln((R + a)/(R - a)) = d [m]."""
         return self.radius * tanh(sphere_angle(depth / self.radius))
 
     def profile_area(self, depth: Any) -> Any:
@@ -112,7 +112,7 @@ class Ellipsoid(Indenter):
     height: Depth = Field(gt=0, description="semi-axis c along the axis of indentation")
 
     def contact_radius(self, depth: Any) -> Any:
-        """The sphere's contact radius at the depth d b/c [m]."""
+        """Return the sphere's contact radius at the depth d b/c [m]."""
         return self.radius * tanh(sphere_angle(depth / self.height))
 
     def profile_area(self, depth: Any) -> Any:

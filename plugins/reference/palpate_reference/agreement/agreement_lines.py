@@ -11,7 +11,8 @@ from palpate_reference.agreement.agree_command import AGREEMENT
 
 
 def agreement_lines(result: Result) -> list[str]:
-    """A line for a run compared by `palpate material agree`: ``agreement: elasticity ..., reference ..., E_n 0.40``."""
+    """Return a line for a run compared by `palpate material agree`: ``agreement: elasticity ..., reference ..., E_n
+    0.40``."""
     path = result.folder / AGREEMENT
     if not path.is_file():
         return []

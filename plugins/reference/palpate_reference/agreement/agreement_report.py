@@ -83,7 +83,7 @@ def _statistics(agreement: Agreement) -> Iterator[tuple[str, str, str]]:
 
 
 def pair_document(pair: ValuePair) -> dict[str, Any]:
-    """A pair as plain data [SI]."""
+    """Return a pair as plain data [SI]."""
     return {
         "label": pair.label, "specimen": pair.specimen, "value": pair.value, "std": pair.std,
         "reference": pair.reference, "reference_std": pair.reference_std, "difference": pair.difference,

@@ -86,7 +86,7 @@ class DemingLine:
 
 
 def deming_line(values: Floats, references: Floats, ratio: float) -> DemingLine | None:
-    """The line of least squares in both directions for (n,) pairs; None for fewer than three, or no spread.
+    """Return the line of least squares in both directions for (n,) pairs; None for fewer than three, or no spread.
 
     `ratio` is the error variance of `values` over that of `references`. Intervals by the jackknife and Student's t.
     Source: Deming 1943; Linnet 1990.

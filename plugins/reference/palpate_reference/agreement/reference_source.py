@@ -61,7 +61,7 @@ def differing(run: Conditions, stated: Conditions) -> list[str]:
 def file_reference(
     path: Path, settings: TableSettings, quantity: str, uncertainty: str | None, stated: Conditions
 ) -> ReferenceOf:
-    """A table of an instrument, read at the frequency of a run; raises UserError where it has no such value.
+    """Return a table of an instrument, read at the frequency of a run; raises UserError where it has no such value.
 
     A table over frequency gives E' and G''/(2 pi f); one of stress over strain gives the slope up to the run's strain.
     What a person states of how it was measured counts where the table does not say it.
@@ -85,7 +85,7 @@ def file_reference(
 
 
 def _share(path: Path, uncertainty: str | None, table: MaterialTable) -> float:
-    """The relative standard uncertainty that is stated of a table; raises ConfigurationError."""
+    """Return the relative standard uncertainty that is stated of a table; raises ConfigurationError."""
     if uncertainty is None:
         if table.std is None:
             raise ConfigurationError(f"{path}: states no uncertainty: --uncertainty '2 %' states that of its scale")

@@ -56,7 +56,7 @@ ReferenceOf = Callable[[Conditions, float], ReferenceValue]  # at the conditions
 
 
 def table_pairs(path: Path, quantity: str, unit: str, track: str | None) -> list[ValuePair]:
-    """The rows of a CSV: specimen, value, std, reference, reference_std with units in their names, and factors.
+    """Return the rows of a CSV: specimen, value, std, reference, reference_std with units in their names, and factors.
 
     A column `run` stands for value and std: a run folder, relative to the file. Raises UserError with line and column.
     """

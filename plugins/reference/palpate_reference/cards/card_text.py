@@ -15,7 +15,7 @@ def card_number(value: float) -> str:
 
 
 def febio_lines(kind: str, remarks: Sequence[str], tags: Sequence[tuple[str, float]]) -> str:
-    """A material of FEBio with its constants, remarks as comments."""
+    """Return a material of FEBio with its constants, remarks as comments."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
     lines += [f"<!-- {line.replace('--', '-')} -->" for line in remarks]
     lines += [f'<material id="1" name="palpate" type="{kind}">']

@@ -45,7 +45,7 @@ class PronySeries:
 
 
 def series_of_law(table: Mapping[str, Any], poisson: float) -> PronySeries:
-    """The series of a law of ``material.json``; raises ConfigurationError for one that has none."""
+    """Return the series of a law of ``material.json``; raises ConfigurationError for one that has none."""
     if table["law"] not in SERIES:
         raise ConfigurationError(f"{table['law']} is not a Prony series; fit one: --law generalised-maxwell-3")
     parameters = {name: float(one["value"]) for name, one in table["parameters"].items()}

@@ -70,7 +70,7 @@ def stress_curves(tables: Sequence[MaterialTable], loading: Loading | None) -> l
 
 
 def fit_curves(law: HyperelasticLaw, curves: Sequence[StressCurve], scale: float) -> TableFit[HyperelasticLaw] | None:
-    """A law by least squares of the stress, over the largest of each curve; None where the rows are too few.
+    """Return a law by least squares of the stress, over the largest of each curve; None where the rows are too few.
 
     The scatter is found with the law, and counts more where residuals are correlated; a relative error of all stresses
     together, `scale` (area, load cell), moves moduli alone. All laws are linear in them.

@@ -64,7 +64,7 @@ HYPERELASTIC = (
 
 
 def energy_of(name: str) -> HyperelasticLaw | None:
-    """The law of a name, if there is one."""
+    """Return the law of a name, if there is one."""
     return next((law for law in HYPERELASTIC if law.name == name), None)
 
 

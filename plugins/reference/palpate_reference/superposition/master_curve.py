@@ -56,7 +56,7 @@ class MasterCurve:
         return [int(k) for k in np.flatnonzero(self.scatter > limit)]
 
     def table(self) -> MaterialTable:
-        """All readings as at the reference temperature, along frequency or time."""
+        """Return all readings as at the reference temperature, along frequency or time."""
         parts = [one for sweep, shift in zip(self.sweeps, self.shifts, strict=True) for one in _shifted(sweep, shift)]
         x = np.concatenate([part.x for part in parts])
         order = self._order(x)
@@ -88,7 +88,7 @@ class MasterCurve:
 
 
 def _shifted(sweep: TemperatureSweep, shift: Floats) -> list[MaterialTable]:
-    """The tables of a sweep as at the reference temperature."""
+    """Return the tables of a sweep as at the reference temperature."""
     along, up = _signs(sweep.tables[0])
     a, b = math.exp(along * shift[0]), math.exp(up * shift[1])
     return [
@@ -182,7 +182,8 @@ def _ordered(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def _beside(x: Floats, y: Floats, x_next: Floats, y_next: Floats) -> tuple[float, float]:
-    """The shift of the next sweep at which both agree best where they overlap, rather over many rows, and their rms."""
+    """Return the shift of the next sweep at which both agree best where they overlap, rather over many rows, and
+    their rms."""
     best = (math.inf, 0.0, math.inf)
     for shift in np.arange(-_REACH, _REACH + _STEP, _STEP):
         there = x_next + shift
@@ -236,7 +237,7 @@ def _inflation(residual: Floats, rows: _Rows) -> float:
 
 
 def _own_scatter(sweep: TemperatureSweep, columns: int) -> float:
-    """The rms of logarithms about cubics through two neighbours on either side: the noise of a smooth sweep.
+    """Return the rms of logarithms about cubics through two neighbours on either side: the noise of a smooth sweep.
 
     Source: Gasser, Sroka and Jennen-Steinmetz 1986, for cubics.
     """

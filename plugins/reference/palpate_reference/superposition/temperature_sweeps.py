@@ -24,7 +24,7 @@ class TemperatureSweep:
 
 
 def temperature_of(text: str) -> float:
-    """A temperature [°C] as a person writes it, '25 °C' or '298 K'; raises ConfigurationError."""
+    """Return a temperature [°C] as a person writes it, '25 °C' or '298 K'; raises ConfigurationError."""
     plain = text.strip().replace("°", "").replace("deg", "").strip()
     try:
         if plain.endswith("C"):
@@ -62,7 +62,7 @@ def _temperature(table: MaterialTable) -> float:
 
 
 def _parts(table: MaterialTable) -> list[MaterialTable]:
-    """A table, parted where its temperature steps; raises ConfigurationError where it states none."""
+    """Return a table, parted where its temperature steps; raises ConfigurationError where it states none."""
     if table.temperature is None or not np.isfinite(table.temperature).all():
         raise ConfigurationError(
             f"{table.name}: states no temperature of its rows: a master curve needs a column 'Temperature [°C]'"

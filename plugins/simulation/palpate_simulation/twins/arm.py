@@ -112,7 +112,7 @@ class SimulatedArm:
 
     @property
     def moving(self) -> bool:
-        """Whether a move is under way, or it has not come to rest."""
+        """True if a move is under way, or it has not come to rest."""
         return bool(self._path) or float(np.abs(self.qd).max()) > 1e-4
 
     def tip(self, tool: Floats) -> tuple[Floats, Floats]:
@@ -153,7 +153,7 @@ class SimulatedArm:
         return solve(self.tip(self.tcp)[1], np.concatenate([self.push / self.stiffness, np.zeros(3)]))
 
     def _step_is_due(self) -> bool:
-        """Whether a path goes on in this tick: in each at full pace."""
+        """Return True if a path goes on in this tick: in each at full pace."""
         self._due += self.pace
         due = self._due >= 1.0
         self._due -= due

@@ -43,7 +43,7 @@ class Console:
 
 
 def _somebody_speaks() -> bool:
-    """Whether the standard input is a person or a program, not /dev/null, as in the background of a shell."""
+    """Return True if the standard input is a person or a program, not /dev/null, as in the background of a shell."""
     if sys.stdin is None or sys.stdin.closed:
         return False
     return sys.stdin.isatty() or not stat.S_ISCHR(os.fstat(sys.stdin.fileno()).st_mode)

@@ -71,7 +71,7 @@ class Controller:
         self._state |= {"actual_main_voltage": 48.0, "actual_robot_voltage": 48.0}
 
     def claim(self, session: ClientSession, name: str) -> bool:
-        """Whether an input belongs to a session; the first that asks gets it."""
+        """Return True if an input belongs to a session; the first that asks gets it."""
         return self._owners.setdefault(name, session) is session
 
     def release(self, session: ClientSession) -> None:
@@ -145,17 +145,17 @@ class Controller:
 
     @property
     def is_stopped_by_button(self) -> bool:
-        """Whether the red button is pressed."""
+        """True if the red button is pressed."""
         return self._safety == _EMERGENCY
 
     @property
     def is_sound(self) -> bool:
-        """Whether no safety stop holds the arm."""
+        """True if no safety stop holds the arm."""
         return self._safety in _SOUND
 
     @property
     def is_free(self) -> bool:
-        """Whether the arm is in freedrive."""
+        """True if the arm is in freedrive."""
         return self._robot_mode == _BACKDRIVE and self.is_sound
 
     def freedrive(self, free: bool) -> None:
@@ -209,7 +209,7 @@ class Controller:
         self.arm.advance()
 
     def state(self) -> dict[str, Any]:
-        """The present outputs: joints with their noise, and what follows from the joints."""
+        """Return the present outputs: joints with their noise, and what follows from the joints."""
         arm = self.arm
         pose, jacobian = arm.tip(arm.tcp)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
@@ -253,7 +253,7 @@ class Controller:
         return self._state
 
     def dashboard(self, line: str) -> str:
-        """The dashboard's answer to a line."""
+        """Return the dashboard's answer to a line."""
         if line == "stop":
             self.end_program()
             return "Stopped"

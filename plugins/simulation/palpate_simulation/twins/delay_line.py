@@ -29,7 +29,7 @@ class DelayLine(Generic[_Item]):
 
     @property
     def is_on(self) -> bool:
-        """Whether anything is held back."""
+        """True if anything is held back."""
         return self._most > 0.0
 
     def put(self, item: _Item, now: float) -> None:

@@ -160,7 +160,7 @@ class DirectStates:
         self._starts = not ports.controller.refuses_start
 
     def isConnected(self) -> bool:  # noqa: N802, a name of the library
-        """Whether the connection stands."""
+        """Return True if the connection stands."""
         return self._starts and self._ports.connections == self._connection
 
     def __getattr__(self, name: str) -> Any:
@@ -196,7 +196,7 @@ class DirectCommands:
             clock().sleep(TICK)
 
     def isConnected(self) -> bool:  # noqa: N802, a name of the library
-        """Whether the connection stands."""
+        """Return True if the connection stands."""
         return self._ports.connections == self._connection
 
     def isProgramRunning(self) -> bool:  # noqa: N802
@@ -248,7 +248,7 @@ class DirectCommands:
         return True
 
     def _carry_out(self, command: int, *numbers: float) -> bool:
-        """A command that is answered; False where it is not."""
+        """Return a command that is answered; False where it is not."""
         return self._wait_for(_READY) and self._send(command, *numbers) and self._wait_for(_DONE) and self._send(0)
 
     def _wait_for(self, status: int) -> bool:

@@ -99,7 +99,7 @@ FAULTS = {
 
 
 def _set(part: str, name: str, value: Any) -> Action:
-    """The action that sets a name of a part of the world, such as its sensor."""
+    """Return the action that sets a name of a part of the world, such as its sensor."""
     return lambda world, _: setattr(getattr(world, part), name, value)
 
 
@@ -122,7 +122,7 @@ def _turned(world: World, words: Words) -> None:
 
 
 def _offset(name: str) -> Action:
-    """The action that sets an offset of the controller's poses, from millimetres."""
+    """Return the action that sets an offset of the controller's poses, from millimetres."""
     return lambda world, words: setattr(
         world.controller, name, 1e-3 * np.array([float(words[axis]) for axis in range(3)])
     )
@@ -145,7 +145,7 @@ def _softened(world: World, words: Words) -> None:
 
 
 def _moves(name: str) -> Action:
-    """The action that moves the skin, by a height in millimetres and a second number."""
+    """Return the action that moves the skin, by a height in millimetres and a second number."""
 
     def move(world: World, words: Words) -> None:
         height, pace = (float(word) for word in words)

@@ -38,5 +38,5 @@ def corrupt_frame(frame: bytes, kind: str, rng: np.random.Generator) -> bytes:
 
 
 def is_intact(kind: str) -> bool:
-    """Whether the frame itself survives: what came is only in front of it."""
+    """Return True if the frame itself survives: what came is only in front of it."""
     return kind in ("noise", "text", "headers")

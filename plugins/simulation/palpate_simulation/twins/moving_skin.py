@@ -41,7 +41,7 @@ class MovingSkin:
 
     @property
     def moves(self) -> bool:
-        """Whether anything moves it."""
+        """True if anything moves it."""
         return bool(self._paths) or self._breath is not None
 
     def motion(self, times: Floats) -> tuple[Floats, Floats]:

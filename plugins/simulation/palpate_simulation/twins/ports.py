@@ -59,15 +59,15 @@ class Wiring(Protocol):
     """What connects twins with the drivers that talk to them."""
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
-        """The controller's."""
+        """Return the controller's."""
         ...
 
     def serial(self, path: Path) -> SerialLine:
-        """A serial sensor's."""
+        """Return a serial sensor's."""
         ...
 
     def datagrams(self, address: str) -> DatagramLine:
-        """A sensor's on the net."""
+        """Return a sensor's on the net."""
         ...
 
 
@@ -79,9 +79,9 @@ class NetworkWiring:
         return ListeningPorts(address, controller)
 
     def serial(self, path: Path) -> SerialLine:
-        """A pseudo-terminal behind a symbolic link."""
+        """Return a pseudo-terminal behind a symbolic link."""
         return PseudoTerminal(path)
 
     def datagrams(self, address: str) -> DatagramLine:
-        """The port for RDT."""
+        """Return the port for RDT."""
         return UdpLine(address, PORT)

@@ -77,7 +77,7 @@ class VirtualBox:
                 self.period = count / 1e3
 
     def instants(self, until: float) -> Floats:
-        """The times [s] up to `until` at which it reads, since the last call."""
+        """Return the times [s] up to `until` at which it reads, since the last call."""
         if not self._streaming:
             return np.zeros(0)
         count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)

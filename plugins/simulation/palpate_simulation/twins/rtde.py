@@ -94,7 +94,7 @@ INPUTS: dict[str, str] = {
 
 
 def packet(kind: str, payload: bytes = b"") -> bytes:
-    """A packet of a type, which is a letter."""
+    """Return a packet of a type, which is a letter."""
     return struct.pack(">HB", 3 + len(payload), ord(kind)) + payload
 
 
@@ -112,7 +112,7 @@ def packets(buffer: bytearray) -> Iterator[tuple[str, bytes]]:
 
 
 def names_in(payload: bytes) -> list[str]:
-    """The names of a comma separated list, which may end with a comma."""
+    """Return the names of a comma separated list, which may end with a comma."""
     return [name for name in payload.decode("ascii", errors="replace").split(",") if name]
 
 
@@ -150,11 +150,11 @@ class ClientSession:
 
     @property
     def commands(self) -> bool:
-        """Whether it has inputs to write."""
+        """True if it has inputs to write."""
         return bool(self._inputs)
 
     def answer(self, kind: str, payload: bytes) -> bytes:
-        """The controller's answer to a packet."""
+        """Return the controller's answer to a packet."""
         if kind == "V":
             return packet("V", bytes([payload == b"\0\2"]))
         if kind == "v":

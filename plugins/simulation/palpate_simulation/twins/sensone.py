@@ -162,7 +162,7 @@ class VirtualSensor:
         return 0
 
     def instants(self, until: float) -> Floats:
-        """The times [s] up to `until` at which it reads, since the last call."""
+        """Return the times [s] up to `until` at which it reads, since the last call."""
         if self._mode != "run":
             return np.zeros(0)
         count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)

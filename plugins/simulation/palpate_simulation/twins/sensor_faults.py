@@ -57,7 +57,7 @@ class Electronics:
         self._law = OldLoads(delay)
 
     def read(self, times: Floats, wrench: Floats, unloaded: Floats) -> Floats:
-        """The readings (n, 6) of a wrench (n, 6) at times (n,) [s]; of which offset and noise are not load."""
+        """Return the readings (n, 6) of a wrench (n, 6) at times (n,) [s]; of which offset and noise are not load."""
         if self._stuck:
             return np.tile(self._latest, (len(wrench), 1))
         readings = self._scale * wrench

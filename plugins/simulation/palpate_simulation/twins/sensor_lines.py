@@ -28,12 +28,12 @@ class SerialLine(Protocol):
         """Pull it out."""
 
     def look(self) -> tuple[bool, bytes]:
-        """Whether the port is open at the other end, and what was sent."""
+        """Return True if the port is open at the other end, and what was sent."""
         ...
 
     @property
     def misheard(self) -> bool:
-        """Whether it is open at another baud rate."""
+        """True if it is open at another baud rate."""
         ...
 
     def write(self, data: bytes) -> int:
@@ -117,7 +117,7 @@ class SocketLine:
         self._ours = None
 
     def opened(self, path: str, baud: int) -> SocketPort:
-        """The other end; raises DeviceError."""
+        """Return the other end; raises DeviceError."""
         if not self._plugged:
             raise DeviceError(f"{path} cannot be opened: No such file or directory")
         if self._ours is not None:
@@ -147,7 +147,7 @@ class SocketLine:
 
     @property
     def misheard(self) -> bool:
-        """Whether it was opened at another baud rate."""
+        """True if it was opened at another baud rate."""
         return self._baud != _RATE
 
     def write(self, data: bytes) -> int:
@@ -186,7 +186,7 @@ class DatagramLine(Protocol):
         """Be off it."""
 
     def receive(self) -> bytes:
-        """A datagram, whose sender is the one to answer; raises OSError without one."""
+        """Return a datagram, whose sender is the one to answer; raises OSError without one."""
         ...
 
     def send(self, data: bytes) -> None:
@@ -242,7 +242,7 @@ class SocketDatagrams:
         self._ours: socket.socket | None = None
 
     def opened(self) -> socket.socket:
-        """The other end; raises OSError."""
+        """Return the other end; raises OSError."""
         if not self._plugged:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
         if self._ours is not None:

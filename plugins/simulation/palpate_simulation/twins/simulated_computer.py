@@ -33,17 +33,17 @@ class SimulatedWiring:
         self.net: SocketDatagrams | None = None
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
-        """The controller's."""
+        """Return the controller's."""
         self.robot = DirectPorts(controller)
         return self.robot
 
     def serial(self, path: Path) -> SocketLine:
-        """A serial sensor's."""
+        """Return a serial sensor's."""
         self.line = SocketLine()
         return self.line
 
     def datagrams(self, address: str) -> SocketDatagrams:
-        """A sensor's on the net."""
+        """Return a sensor's on the net."""
         self.net = SocketDatagrams()
         return self.net
 
@@ -60,13 +60,13 @@ class SimulatedHost(SimulatedComputer):
         return self._ports().drop_unsent if role == "robot" else None
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """The twin's."""
+        """Return the twin's."""
         if self._wiring.line is None:
             raise DeviceError(f"{path} cannot be opened: the twin has no serial sensor")
         return self._wiring.line.opened(path, baud)
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """The twin's."""
+        """Return the twin's."""
         if self._wiring.net is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
         return self._wiring.net.opened()
@@ -89,15 +89,15 @@ class SimulatedHost(SimulatedComputer):
         return dashboard_facts(ports.controller.dashboard)
 
     def robot_states(self, address: str, variables: Sequence[str]) -> DirectStates:
-        """The twin's."""
+        """Return the twin's."""
         return DirectStates(self._ports(), variables)
 
     def robot_commands(self, address: str) -> DirectCommands:
-        """The twin's."""
+        """Return the twin's."""
         return DirectCommands(self._ports())
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> DirectReadBack:
-        """The twin's."""
+        """Return the twin's."""
         return DirectReadBack(self._ports())
 
     def _ports(self) -> DirectPorts:

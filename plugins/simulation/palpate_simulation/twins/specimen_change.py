@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def restart_at(settings: BenchSettings, numbers: list[float]) -> BenchSettings:
-    """The tip elsewhere at the start: place [mm] and rotation vector of the tool [deg]; raises ValueError."""
+    """Return the tip elsewhere at the start: place [mm] and rotation vector of the tool [deg]; raises ValueError."""
     if len(numbers) != 6:
         raise ValueError
     place, turn = (np.array(numbers[:3]) / 1e3).tolist(), np.radians(numbers[3:]).tolist()
@@ -20,7 +20,7 @@ def restart_at(settings: BenchSettings, numbers: list[float]) -> BenchSettings:
 
 
 def soften_specimen(settings: BenchSettings, elasticity: float) -> BenchSettings:
-    """A specimen of another elasticity [Pa], and all else in proportion."""
+    """Return a specimen of another elasticity [Pa], and all else in proportion."""
     specimen = settings.specimen
     factor = elasticity / specimen.parameters["elasticity"]
     parameters = {name: factor * value for name, value in specimen.parameters.items()}

@@ -49,7 +49,7 @@ class TwinDriver(ArmDriver):
         self._commands.setWatchdog(_WATCHDOG)
 
     def read(self) -> ArmReading | None:
-        """The newest state."""
+        """Return the newest state."""
         states = self._states
         stamp = states.getTimestamp()
         if stamp == self._stamp:
@@ -67,7 +67,7 @@ class TwinDriver(ArmDriver):
         )
 
     def _status(self) -> tuple[float, ...]:
-        """The maker's, of an arm that may move, or of one whose safety system stopped it."""
+        """Return the maker's, of an arm that may move, or of one whose safety system stopped it."""
         status, modes = dict(self.settings["sound_status"]), self.settings["stop_modes"]
         kind = _KINDS.get(self._modes[1])
         if kind is not None and modes is not None and modes[kind]:

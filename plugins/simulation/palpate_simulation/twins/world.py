@@ -194,7 +194,8 @@ class World:
         self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
-        """The wrench (n, 6) at times (n,) that the sensor felt `force_delay` before; what of it is offset and noise."""
+        """Return the wrench (n, 6) at times (n,) that the sensor felt `force_delay` before; what of it is offset and
+        noise."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
         out = self._rotation @ self._pose[:3, :3]  # within a tick it hardly turns

@@ -49,7 +49,8 @@ class RecordedPress:
 
 
 def longest_press(replayed: ReplayedSamples, name: str) -> RecordedPress:
-    """The longest contact of a recording, up to the end of its last hold; raises LogError where nothing is held."""
+    """Return the longest contact of a recording, up to the end of its last hold; raises LogError where nothing is
+    held."""
     from scipy.signal import savgol_filter
 
     samples = replayed.samples[np.isfinite(replayed.samples.force) & np.isfinite(replayed.samples.position)]
@@ -102,7 +103,8 @@ def _air(
 def _zero(
     time: Floats, force: Floats, before: NDArray[np.int64], after: NDArray[np.int64]
 ) -> tuple[Floats, float, float | None]:
-    """The force's zero (n,) [N], its standard uncertainty, and its drift where there is air after the contact."""
+    """Return the force's zero (n,) [N], its standard uncertainty, and its drift where there is air after the
+    contact."""
     mean, std = _mean(force[before])
     if len(after) < _AIR:
         return np.full(len(time), mean), std, None

@@ -46,7 +46,7 @@ class ModulusCurve:
 
     @property
     def creeps(self) -> bool:
-        """Whether it is J(t)."""
+        """True if it is J(t)."""
         return self.problem.creeps
 
     @property
@@ -67,7 +67,7 @@ class ModulusCurve:
         return value, value * self.std / self.value
 
     def fitted(self, time: Floats) -> tuple[Floats, Floats]:
-        """The curve of the spectrum at times (m,) [s], and its standard uncertainty by noise and smoothing."""
+        """Return the curve of the spectrum at times (m,) [s], and its standard uncertainty by noise and smoothing."""
         rows = _rows(self.solved, time)
         values = rows @ self.solved.weighing.values
         return values, np.sqrt(np.sum((rows @ self.solved.weighing.covariance) * rows, axis=1))
@@ -100,7 +100,7 @@ def _rows(solved: SpectrumFit, time: Floats) -> Floats:
 
 
 def _since(problem: PressProblem, found: SpectrumFit) -> Floats:
-    """The centre (n,) [s] of the changes until each instant."""
+    """Return the centre (n,) [s] of the changes until each instant."""
     driven = found.columns[:, 0]  # the area, or the load
     return np.asarray(
         np.cumsum(np.diff(driven, prepend=0.0) * problem.pressed.time) / np.where(driven > 0, driven, 1.0)
@@ -108,7 +108,7 @@ def _since(problem: PressProblem, found: SpectrumFit) -> Floats:
 
 
 def _bins(problem: PressProblem, found: SpectrumFit) -> Bins:
-    """The rows of each point, in the longest hold."""
+    """Return the rows of each point, in the longest hold."""
     hold = max(problem.pressed.holds, key=lambda one: one.end - one.begin)
     centre = float(_since(problem, found)[hold.begin])
     return logarithmic(problem.pressed.time, hold.begin, hold.end, centre, _PER_DECADE, problem.width)

@@ -106,7 +106,7 @@ class PressProblem:
         return Bins(np.array(begins), np.array(counts))
 
     def origin(self, row: int, since: int) -> float:
-        """The middle [s] of a ramp that ends at a row and began after another."""
+        """Return the middle [s] of a ramp that ends at a row and began after another."""
         down = np.flatnonzero(self.pressed.height[since:row] < self.pressed.touch)
         begin = since + (int(down[0]) if len(down) else 0)
         return 0.5 * float(self.pressed.time[begin] + self.pressed.time[row])
@@ -124,7 +124,7 @@ class PressProblem:
         return np.column_stack([area, fading_integrals(area, time, self.times)]), load, 1
 
     def solve(self, rig: PressUnknowns, std: Floats, smoothing: float | None = None) -> SpectrumFit:
-        """The spectrum, where the target's bins have the standard deviations (m,)."""
+        """Return the spectrum, where the target's bins have the standard deviations (m,)."""
         columns, target, free = self.linear(rig)
         found = solve_regularised(self.bins.means(columns), self.bins.means(target), std, free, smoothing)
         return SpectrumFit(self.times, found, columns, target, free)
@@ -166,7 +166,7 @@ class PressProblem:
 
 
 def solve_spectrum(problem: PressProblem, surface: float | None) -> tuple[SpectrumFit, PressUnknowns, float, Floats]:
-    """The spectrum, rig, standard uncertainty of the surface [m], and standard deviations of the bins."""
+    """Return the spectrum, rig, standard uncertainty of the surface [m], and standard deviations of the bins."""
     pressed = problem.pressed
     compliance = float(pressed.rig["compliance"])
     rig = PressUnknowns(pressed.touch if surface is None else surface, compliance)
@@ -202,7 +202,7 @@ def creep_spectrum(
 
 
 def _skin(problem: PressProblem, rig: PressUnknowns, std: Floats) -> tuple[float, float]:
-    """The middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
+    """Return the middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
 
     Which ones do is decided by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have,
     and places the skin lower, or higher, to fit them.

@@ -53,7 +53,7 @@ def digest_of(path: Path) -> str:
 
 
 def files_below(root: Path) -> dict[str, Path]:
-    """Every file below a folder by its name as a member, in order; raises OutputError for a link."""
+    """Return every file below a folder by its name as a member, in order; raises OutputError for a link."""
     found = {path.relative_to(root).as_posix(): path for path in root.rglob("*") if not path.is_dir()}
     for name, path in found.items():
         if path.is_symlink() or not path.is_file():
@@ -118,7 +118,7 @@ def _opened(path: Path) -> Iterator[ZipFile]:
 
 
 def _demand_plain(path: Path, archive: ZipFile) -> Sequence[ZipInfo]:
-    """The members, all of them plain files of bounded size within the archive's own folders; raises LogError."""
+    """Return the members, all of them plain files of bounded size within the archive's own folders; raises LogError."""
     members = [info for info in archive.infolist() if not info.is_dir()]
     if len(members) > _MOST:
         raise LogError(f"{path}: has {len(members)} members; at most {_MOST} are unpacked")
@@ -152,7 +152,8 @@ def _problem(info: ZipInfo) -> str:
 
 
 def _wrong_name(name: str) -> str:
-    """Why a name is not that of a file, or with a stroke at its end of a folder, of an archive; "" where it is one."""
+    """Return why a name is not that of a file, or with a stroke at its end of a folder, of an archive; "" where it
+    is one."""
     parts = name.removesuffix("/").split("/")
     if any(part in (".", "..") or not _NAME.fullmatch(part) for part in parts):
         return "is not a name of a file within the archive"

@@ -25,7 +25,7 @@ class RowDifference:
 
 
 def row_differences(packed: Iterable[Row], found: Iterable[Row]) -> Iterator[RowDifference]:
-    """The cells of rows of one curve and track that are not the same text."""
+    """Yield the cells of rows of one curve and track that are not the same text."""
     before, after = ({(row["curve"], row["track"]): row for row in rows} for rows in (packed, found))
     for curve, track in {**before, **after}:
         old, new = before.get((curve, track)), after.get((curve, track))
@@ -41,7 +41,7 @@ def row_differences(packed: Iterable[Row], found: Iterable[Row]) -> Iterator[Row
 
 
 def _in_u(row: Mapping[str, str], column: str, one: str, other: str) -> float | None:
-    """The difference of two numbers in the combined uncertainty of the value that the column belongs to."""
+    """Return the difference of two numbers in the combined uncertainty of the value that the column belongs to."""
     name = column.removesuffix("_combined").removesuffix("_std")
     u = row.get(f"{name}_combined", "")
     if not (is_number(one) and is_number(other) and is_number(u) and float(u)):

@@ -114,7 +114,7 @@ class _Study:
                 yield from self._files_in(parsed_assignment(text)[1])
 
     def _files_in(self, value: Any) -> Iterator[Path]:
-        """The files that settings name."""
+        """Yield the files that settings name."""
         if isinstance(value, str) and (file := self._file_of(value)) is not None:
             yield file
         for item in value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ():
@@ -143,11 +143,11 @@ class _Study:
         return f"{text.partition('=')[0]}={json.dumps(other)}"
 
     def _seen(self, file: Path) -> str:
-        """A file as seen from the folder of fits in the archive."""
+        """Return a file as seen from the folder of fits in the archive."""
         return f"../{self.members[file]}"
 
     def _anonymous(self, text: str) -> str:
-        """A text without the names of folders of this machine."""
+        """Return a text without the names of folders of this machine."""
         for old, new in self.names.items():
             text = text.replace(old, new) if old != new else text
         for file, member in self.members.items():

@@ -23,7 +23,7 @@ class Combination:
 
     @classmethod
     def of(cls, number: int, values: Mapping[str, Any], plan: PortablePipeline, folder: Path) -> Combination:
-        """The combination of a number, whose run goes into a folder of the sweep's."""
+        """Return the combination of a number, whose run goes into a folder of the sweep's."""
         return cls(number, values, Job(f"combination {number}", plan, folder / f"{number:05d}"))
 
 
@@ -39,7 +39,7 @@ def refuse_hopeless(planned: Sequence[Combination]) -> None:
 
 
 def combinations_of(source: Source) -> list[dict[str, Any]]:
-    """The combinations that a [sweep] table asks for, each a value for every swept setting.
+    """Return the combinations that a [sweep] table asks for, each a value for every swept setting.
 
     Raises ConfigurationError where the table is missing, empty, or not made of lists.
     """

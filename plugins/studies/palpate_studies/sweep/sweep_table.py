@@ -61,7 +61,7 @@ def rows_of(combination: Combination, outcome: Outcome) -> list[dict[str, Any]]:
 
 
 def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
-    """The combinations with the smallest uncertainty of their first parameter, those that can be used first."""
+    """Return the combinations with the smallest uncertainty of their first parameter, those that can be used first."""
 
     def cost(row: dict[str, Any]) -> tuple[int, float]:
         value, combined = (row.get(key) for key in (_value_key(row), _combined_key(row)))
@@ -105,7 +105,7 @@ def sweep_doubt_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def _result_row(row: Mapping[str, Any]) -> ResultRow:
-    """A row as one of the table of results."""
+    """Return a row as one of the table of results."""
     head = f"{row['combination']}"
     if "error" in row:
         return ResultRow(head, "", error=str(row["error"]))
@@ -123,7 +123,7 @@ def _table_value(row: Mapping[str, Any], name: str, unit: str) -> TableValue:
 
 
 def _short(key: str, others: Sequence[str]) -> str:
-    """The last word of a setting, or all of it where another one ends alike."""
+    """Return the last word of a setting, or all of it where another one ends alike."""
     last = key.rpartition(".")[2]
     return last if sum(other.rpartition(".")[2] == last for other in others) == 1 else key
 

@@ -76,7 +76,7 @@ def is_rich(track: TrackEvidence) -> bool:
 
 
 def kelvin_voigt() -> ResponseLaw:
-    """The track's own law: an elastic and a viscous force."""
+    """Return the track's own law: an elastic and a viscous force."""
     return ResponseLaw("kelvin-voigt", lambda course, surface, numbers: _units(course, surface))
 
 
@@ -165,7 +165,7 @@ def _before(course: Course, times: Floats) -> Floats:
 
 
 def _fitted(record: TimedRecord, law: ResponseLaw, delay: float | None, inflation: float) -> DelayFit:
-    """A law fitted with an unknown delay, or with a given one."""
+    """Return a law fitted with an unknown delay, or with a given one."""
     from scipy.optimize import least_squares
 
     free = delay is None
@@ -288,7 +288,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
 
 
 def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:
-    """The delay by the law that describes the record best, with the spread of those that nearly do.
+    """Return the delay by the law that describes the record best, with the spread of those that nearly do.
 
     Every law but the material's own takes a part of the delay for itself, so that its own uncertainty says little.
     """

@@ -33,7 +33,8 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def one_frequency_text(track: TrackEvidence) -> str:
-    """The frequency that a track's viscosity is of, where a tenth of the stiffness, fading, would be a tenth of it."""
+    """Return the frequency that a track's viscosity is of, where a tenth of the stiffness, fading, would be a tenth
+    of it."""
     table = _fading_table(track) if track.ending is not None and not track.model.memory else {}
     if not table or not one_line(track):
         return ""

@@ -45,7 +45,7 @@ class TimedRecord:
 
     @classmethod
     def of(cls, track: TrackEvidence) -> TimedRecord:
-        """The record of a track."""
+        """Return the record of a track."""
         course = make_course(track, track.kept.used)
         step = float(np.median(np.diff(course.time)))
         rate, bend, width = _motion(track, course, step)
@@ -58,7 +58,8 @@ class TimedRecord:
         return cls(moved, track.surface, track.kept.force, mass, mass * moved.acceleration, rows, step)
 
     def late(self, delay: float) -> Course:
-        """The motion `delay` ago, by its own derivatives: what noise its rate has is in the viscous force as well."""
+        """Return the motion `delay` ago, by its own derivatives: what noise its rate has is in the viscous force as
+        well."""
         course = self.course
         bent = delay * course.acceleration
         return replace(course, height=course.height + delay * (course.rate - 0.5 * bent), rate=course.rate - bent)

@@ -125,7 +125,7 @@ class Profile(Indenter):
         return self._series.contact_radius(depth)
 
     def profile_area(self, depth: Any) -> Any:
-        """The integral of the series [m^2]."""
+        """Return the integral of the series [m^2]."""
         return self._series.profile_area(depth)
 
     def validity(self, depth: float) -> str:
