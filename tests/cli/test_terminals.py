@@ -8,6 +8,7 @@ import sys
 import time
 from typing import Annotated
 
+import casadi as ca
 import numpy as np
 import pytest
 from palpate_engine.cli import import_interrupts
@@ -149,6 +150,18 @@ def swallow_in_pydantic(steps):
     TypeAdapter(Annotated[int, BeforeValidator(validate)]).validate_python(1)
 
 
+def swallow_in_casadi(steps):
+    """Of presses while it makes expressions it dropped two of five."""
+
+    class Pressing:
+        def __SX__(self):  # noqa: N802
+            press()
+            steps[:] = ["whole"]
+            return ca.SX(1.0)
+
+    assert ca.SX.sym("x") + Pressing() is not None
+
+
 def swallow_in_destructor(steps):
     steps.append(PressDuringDeletion())
     steps.clear()
@@ -163,7 +176,9 @@ def swallow_in_long_import(steps):
     names["take_long"]()
 
 
-@pytest.mark.parametrize("swallow", [swallow_in_pydantic, swallow_in_destructor, swallow_in_long_import])
+@pytest.mark.parametrize(
+    "swallow", [swallow_in_pydantic, swallow_in_casadi, swallow_in_destructor, swallow_in_long_import]
+)
 def test_ctrl_c_that_is_swallowed_is_raised_afterwards(swallow, monkeypatch):
     """Of some hundred runs that were stopped while they were loaded two went on to their ends."""
     monkeypatch.setattr(import_interrupts, "_LONGEST", 0.05)

@@ -1,8 +1,9 @@
 """Ctrl-C while modules are imported, or a library would swallow it: it waits for the end of that.
 
 An exception within an import leaves half a module, is made another one of by what makes classes, or is printed and
-ignored where a lock of the import is given back. Pydantic's compiled core drops it, or makes an error of its own of it,
-and of a destructor or a callback the interpreter itself prints and ignores it: then the press would be lost.
+ignored where a lock of the import is given back. The compiled code of pydantic and CasADi drops it, or makes an error
+of its own of it, and of a destructor or a callback the interpreter itself prints and ignores it: then the press would
+be lost.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from types import FrameType
 _LOOK = 0.01  # [s] between two looks whether the import has ended
 _LONGEST = 5.0  # [s] of an import: a longer one gets the exception, and again where it swallows that
 _IMPORT = "<frozen importlib._bootstrap>"  # file of the frames of an import
-_PYDANTIC = f"{os.sep}pydantic{os.sep}"  # in the files of its frames
+_SWALLOWING = tuple(f"{os.sep}{library}{os.sep}" for library in ("pydantic", "casadi"))  # in the files of their frames
 
 
 @contextmanager
@@ -98,10 +99,10 @@ class _KeyPress:
 
 
 def _swallows_exceptions(frame: FrameType | None) -> bool:
-    """Return True where a frame, or one that has called it, is part of an import or of pydantic."""
+    """Return True where a frame, or one that has called it, is part of an import, of pydantic or of CasADi."""
     while frame is not None:
         file = frame.f_code.co_filename
-        if file == _IMPORT or _PYDANTIC in file:
+        if file == _IMPORT or any(library in file for library in _SWALLOWING):
             return True
         frame = frame.f_back
     return False
