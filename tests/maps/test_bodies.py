@@ -1,10 +1,12 @@
 """Bodies that are fitted to the sites of an area: how many, where, how wide and how stiff, within their ±."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from palpate_maps.body_field import Body, SiteField, fit_bodies, rise
+from palpate_maps.body_search import lump_members
 from palpate_maps.lump_criteria import FWHM, size_without_tip
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_analysis import LumpSettings, Sites
@@ -118,3 +120,12 @@ def test_lumps_in_a_triangle_are_no_stiff_part_of_the_area():
     assert len(find_lumps(sites, LumpSettings(contact_radius=4.47e-3)).lumps) == 3
     plateau = points(np.random.default_rng(0), [(0.0, 0.0, 0.5, 12e-3)], (0.08, 0.06))
     assert len(find_lumps(plateau).lumps) == 1
+
+
+def test_bodies_far_apart_are_two_however_uncertain_one_is():
+    """40 mm apart: with standard deviations a hundred times as large no dip would be significant."""
+    sites = points(np.random.default_rng(0), [(-20e-3, 0.0, 0.2, SIGMA), (20e-3, 0.0, 0.3, SIGMA)], (0.06, 0.03))
+    field = SiteField(sites.place, np.arange(len(sites)), sites.log)
+    starts = [Body.at(np.array([x, 0.0]), 0.2, np.eye(2)) for x in (-20e-3, 20e-3)]
+    fit = fit_bodies(field, starts, 0.005)
+    assert lump_members(replace(fit, covariance=1e4 * fit.covariance)) == [[1], [0]]

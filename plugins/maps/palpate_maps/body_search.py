@@ -25,6 +25,7 @@ _SPLIT_CONTRAST = 0.75  # of its contrast
 _WIDTHS = 2  # of lumps that one place of the area may hide, narrow and wide: a choice
 _DIP_STD = 3.0  # standard deviations of a dip between two bodies, from which on they are two lumps
 _DIP_SHARE = 0.1  # of the lower one's height, that the dip has at least
+_APART_SHARE = 0.5  # of that height, from which on they are apart: a lump's extent is that at half of its height
 _DIP_POINTS = 25  # between two bodies, at which the dip is looked for
 _NEIGHBOURS = 12  # sites about a place, whose plane is that of the surface there
 
@@ -183,8 +184,13 @@ class _Ways:
         return cls(height, slopes, saddle, saddle_slopes)
 
     def is_parted(self, fit: BodyFit, low: int, high: int) -> bool:
-        """Return True where the dip on the way from a body to a higher one is larger than its uncertainty."""
+        """Return True where the dip on the way from a body to a higher one is larger than its uncertainty.
+
+        Bodies whose places above half of the height do not touch are parted however uncertain the lower one is.
+        """
         dip = float(self.height[low] - self.saddle[low, high])
+        if dip > _APART_SHARE * float(self.height[low]):
+            return True
         std = fit.std_of(self.slopes[low] - self.saddle_slopes[low, high])
         return dip > max(_DIP_STD * std, _DIP_SHARE * float(self.height[low]))
 
