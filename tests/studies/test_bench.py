@@ -220,3 +220,41 @@ def test_pictures_are_drawn_for_a_column_and_a_page(palpate, tmp_path):
         if name.startswith("estimates"):  # a cost is another one each time
             assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     assert 'width="481' in (tmp_path / "a" / "estimates-step-170mm.svg").read_text()  # pt
+
+
+MODEL = '''
+from typing import ClassVar
+
+from palpate import ContactModel, MaterialValue, Parameter, plugin
+
+
+class Ball(ContactModel):
+    """A ball of 5 mm, which is part of the law."""
+
+    parameters: ClassVar = (
+        Parameter("elasticity", "E", "Pa", "stiffness", role="elastic"),
+        Parameter("viscosity", "eta", "Pa*s", "damping", role="viscous"),
+    )
+
+    def force(self, depth, rate, theta, memory=()):
+        return (16 / 9 * theta[0] * depth + 4 * theta[1] * rate) * (5e-3 * depth) ** 0.5
+
+    def material(self, theta):
+        return MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0))
+
+
+@plugin
+def palpate_models():
+    return {"ball": Ball}
+'''
+
+
+@pytest.mark.slow
+def test_an_own_model_that_has_its_tip_takes_part(palpate, tmp_path):
+    (tmp_path / "ball.py").write_text(MODEL)
+    out = tmp_path / "out"
+    command = ("bench", one_scene(tmp_path), "--plugin", tmp_path / "ball.py", "--records", "1", "--jobs", "1")
+    done = palpate(*command, "--set", 'run.tracks=["*/kinematic"]', "--out", out)
+    assert done.returncode == 0, done.stderr
+    error = {one["track"]: float(one["elasticity_error"]) for one in rows_of(out)}
+    assert error["ball/kinematic"] == pytest.approx(error["dr/kinematic"], rel=1e-6)

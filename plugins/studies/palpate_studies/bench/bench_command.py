@@ -117,7 +117,8 @@ def _with_plugin_files() -> list[str]:
         for name, entry in registered.parts[part_kind].items():
             if entry.plugin.name.endswith(".py"):
                 settings.append(f"{part_kind}.{name}.type={json.dumps(name)}")
-                settings += [f'model.{name}.indenter="tip"'] if part_kind == "model" else []
+                if "indenter" in entry.part.model_fields:
+                    settings.append(f'{part_kind}.{name}.indenter="tip"')
     return settings
 
 
