@@ -278,7 +278,7 @@ class ArmLoop:
         commander.mode = "done"
 
     def _finish(self) -> NoReturn:
-        """Return the motion is over, one way or the other."""
+        """End the motion, which is over one way or the other."""
         self._obedience.end()
         rest = self._come_to_rest(_DISOBEDIENCE, True)
         if rest.complaint or not rest.is_shown:
@@ -316,7 +316,7 @@ class ArmLoop:
         return True
 
     def _leave(self) -> NoReturn:
-        """Return the main job is gone, or closes: nobody else says where an arm stays in motion."""
+        """Stop the arm where the main job is gone, or closes: nobody else says where an arm stays in motion."""
         if not self._come_to_rest("", True).is_shown:
             call_for_stop(f"{EMERGENCY}: the program has gone, and no states show that the tip stands")
         host().leave(0)

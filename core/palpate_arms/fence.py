@@ -120,7 +120,7 @@ class Fence:
     def command(
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
     ) -> Verdict | None:
-        """Return a command before it is sent, after the one `before` (position and turn).
+        """Judge a command before it is sent, after the one `before` (position and turn).
 
         An arm that is `leaving` the material brakes first: that may carry it over the box.
         """
@@ -140,7 +140,7 @@ class Fence:
         self._commands.pop()
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
-        """Return the robot's own state, on the approach or in the motion."""
+        """Judge the robot's own state, on the approach or in the motion."""
         if (text := self._following.complaint(command, seen.position, seen.fresh, self.give)) is not None:
             return Verdict(text, False)
         if self.limits is None:
@@ -157,7 +157,7 @@ class Fence:
         return verdict
 
     def in_retraction(self, seen: ArmState) -> Verdict | None:
-        """Return the robot's own state while it leaves faster than it may move otherwise."""
+        """Judge the robot's own state while it leaves faster than it may move otherwise."""
         if self._outward_limit is None:
             return None
         self._speeds.append(seen.velocity)

@@ -67,7 +67,7 @@ class Pace:
         self._random = random.Random(0)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """Return a cycle at each deadline, given the time [ns] and how many were left out; a look between two of
+        """Call a cycle at each deadline, given the time [ns] and how many were left out; a look between two of
         them."""
         deadline, left_out = clock().now_ns() + _TICK, 0
         while True:

@@ -147,7 +147,7 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
     is_known = finite_rows(previous)
     if not is_known.any():
         return force
-    # Stretches of contact, each with the estimate of the sample before; what is unknown has the next is_known one.
+    # Stretches of contact, each with the estimate of the sample before; an unknown one is the next that is known.
     source = np.minimum.accumulate(np.where(is_known, np.arange(len(is_known)), len(is_known))[::-1])[::-1]
     usable = samples.active & np.isfinite(samples.position) & np.isfinite(samples.velocity) & (source < len(is_known))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
@@ -175,7 +175,7 @@ def _settling_time(samples: Samples, values: Floats, end: float) -> float:
     """
     rows = np.flatnonzero(samples.active)
     away = ~(np.abs(values[rows] - end) <= SETTLED * abs(end))
-    if not math.isfinite(end) or away[-1] or not len(rows):
+    if not math.isfinite(end) or away[-1]:
         return math.nan
     last_away = int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0
     return float(samples.time[rows[last_away]] - samples.time[rows[0]])

@@ -64,7 +64,7 @@ def text_of(table: Any, form: Layout) -> str:
 
 
 def _csv(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a value with an uncertainty becomes two columns."""
+    """Return the table as CSV: a value with an uncertainty becomes two columns."""
     pairs = [[_pair(cell) for cell in row] for row in rows]
     double = [any(row[i][1] for row in pairs) for i in range(len(headings))]
     text = io.StringIO()

@@ -105,7 +105,7 @@ class Refits:
 
     @staticmethod
     async def _alone(worker: Worker, reader: CurveReader, curve: Curve) -> list[Row]:
-        """Return a curve by itself after a process was killed; the one that kills it again is reported and skipped."""
+        """Fit a curve by itself after a process was killed; the one that kills it again is reported and skipped."""
         try:
             return (await worker.call(fit_curves, reader, [curve]))[0]
         except BrokenProcessPool:

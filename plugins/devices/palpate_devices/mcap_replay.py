@@ -180,7 +180,7 @@ class McapReplay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Return a file that is named like an MCAP log."""
+        """Return True for a file that is named like an MCAP log."""
         return path.is_file() and path.suffix.lower() == ".mcap"
 
     @classmethod

@@ -80,7 +80,7 @@ class AfmReplay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Return a file that is named like a force curve."""
+        """Return True for a file that is named like a force curve."""
         if not path.is_file():
             return False
         return path.name.lower().endswith(SUFFIXES) or is_exported_curve(path)

@@ -36,7 +36,7 @@ class CsvReplay(CsvSettings):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Return a file that is named like a table of numbers, and a file of any other ending that is one."""
+        """Return True for a file that is named like a table of numbers, and a file of any other ending that is one."""
         name = path.name.lower()
         if not path.is_file() or name.endswith(SUFFIXES):
             return path.is_file()

@@ -96,7 +96,7 @@ class Rosbag2Replay(Recording):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Return a folder that is one bag, or a file that is named like a bag's database."""
+        """Return True for a folder that is one bag, or a file that is named like a bag's database."""
         names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
         return path.name.lower().endswith(names) or is_bag(path)
 

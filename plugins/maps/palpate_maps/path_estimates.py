@@ -125,7 +125,7 @@ def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: F
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, UncertainValue]) -> BudgetRow:
-    """Return the estimator's and settling's rows are those of the mean; all others stay."""
+    """Return the row of a budget for the mean: those of estimator and settling change, all others stay."""
     attribute = _ATTRIBUTES_OF_MEAN.get(row.source)
     if attribute is None:
         return row

@@ -160,7 +160,7 @@ def _line(recorded: RecordedOscillation, fit: LineFit, bend: float) -> ModulusLi
 
 
 def _apart(recorded: RecordedOscillation) -> dict[str, str]:
-    """Return each recording has its own uncertainty of the skin, and each tip one of its radius."""
+    """Return what errors are apart by: each recording has its own of the skin, and each tip one of its radius."""
     sources = sources_of(recorded.model, recorded.uncertainties)
     of_tip = {source.name: repr(source.value) for source in sources if source.path[:1] == ("indenter",)}
     return {"surface": recorded.name, **of_tip}

@@ -248,7 +248,7 @@ class DirectCommands:
         return True
 
     def _carry_out(self, command: int, *numbers: float) -> bool:
-        """Return a command that is answered; False where it is not."""
+        """Carry out a command that is answered; return False where it is not."""
         return self._wait_for(_READY) and self._send(command, *numbers) and self._wait_for(_DONE) and self._send(0)
 
     def _wait_for(self, status: int) -> bool:
