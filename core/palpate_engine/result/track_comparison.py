@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from palpate.evidence.track_tail import acceleration
 from palpate.evidence.uncertain_value import UncertainValue, finite_tree
 from palpate.vectors import Floats, finite_rows
 
-WARM_UP = 1.0  # [s] of contact before the first prediction that counts, a choice: no estimator is judged by its guess
 SETTLED = 0.05  # share of the end value, within which an estimate has settled; a choice
 MAX_SAMPLES = 1 << 17  # that are kept of a track, a choice: 262 s at 500 Hz in 4 MB; what follows is not compared
 _NORMAL_QUANTILE = 1.96  # of 97.5 %
@@ -25,6 +24,9 @@ _NORMAL_QUANTILE = 1.96  # of 97.5 %
 @dataclass(frozen=True)
 class TrackComparison:
     """Measures of one track."""
+
+    # [s] of contact before the first estimate that counts, a choice: no estimator is judged by its guess.
+    WARM_UP: ClassVar[float] = 1.0
 
     prediction_rms: float  # [N] of the predicted force less the measured one; NaN where nothing was predicted
     force_rms: float  # [N] of the measured contact force at the same samples
@@ -130,7 +132,12 @@ def _predictable_rows(samples: Samples, measured: Floats) -> NDArray[np.bool_]:
     """Return True (n,) where an estimate of the sample before predicts the force, after the warm-up."""
     active = samples.active
     begin = float(samples.time[int(np.argmax(active))])
-    rows = active & (samples.time >= begin + WARM_UP) & np.isfinite(measured) & np.isfinite(samples.velocity)
+    rows = (
+        active
+        & (samples.time >= begin + TrackComparison.WARM_UP)
+        & np.isfinite(measured)
+        & np.isfinite(samples.velocity)
+    )
     rows[1:] &= active[:-1]
     rows[0] = False
     return rows

@@ -13,14 +13,21 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from palpate import ContactModel, Estimates, Floats, PalpateError, Samples, Status, UserError
-from palpate_engine import Pipeline, RecordOutcome, RecordTracks, TrackResult, finite_tree, start_tracks
+from palpate_engine import (
+    Pipeline,
+    RecordOutcome,
+    RecordTracks,
+    TrackComparison,
+    TrackResult,
+    finite_tree,
+    start_tracks,
+)
 
 from palpate_kit.terminal.result_table import chief_names
 
 Row = dict[str, Any]
 VALUES, PREDICTION = "values", "prediction"  # of a scene: what its tracks are compared by
 _SWEEP = 2e-3  # [m] between places, from which on a truth is that of each place, as that of a run
-_WARM_UP = 1.0  # [s] of contact whose estimates at places do not count, as in a comparison of tracks
 
 
 @runtime_checkable
@@ -140,6 +147,6 @@ def _error_along(samples: Samples, blocks: Sequence[Estimates], place: int, trut
     """Return the errors of a parameter's estimates along the way of the tip."""
     values, stds = (np.concatenate([getattr(block, key)[:, place] for block in blocks]) for key in ("values", "std"))
     status = np.concatenate([block.status for block in blocks])
-    begin = float(samples.time[int(np.argmax(samples.active))]) + _WARM_UP
+    begin = float(samples.time[int(np.argmax(samples.active))]) + TrackComparison.WARM_UP
     rows = samples.active & (samples.time >= begin) & ((status & Status.IDLE) == 0) & np.isfinite(values)
     return _error_of(values[rows], stds[rows], truth[rows]) if rows.any() else {}

@@ -71,11 +71,11 @@ def bench(
         ]
     folder = _folder(bench_records, out)
     rows = _kept_rows(folder)
-    done = {(row["file"], row["scene"], row["record"]) for row in rows}
+    done = set(map(_key, rows))
     missing = [record for record in bench_records if record.key not in done]
     rows += _measured(missing, folder, engine_of(scheduler, jobs, folder, stage), len(bench_records))
     order = {record.key: place for place, record in enumerate(bench_records)}
-    rows.sort(key=lambda row: order[row["file"], row["scene"], row["record"]])
+    rows.sort(key=lambda row: order[_key(row)])
     summary_rows = summaries(rows)
     write_whole(folder / "records.csv", csv_text(rows))
     write_whole(folder / "bench.csv", csv_text(summary_rows))
@@ -90,9 +90,14 @@ def bench(
     before = len(bench_records) - len(missing)
     counts = f"{len(bench_records)} records, {failed} estimates failed, {before} found in the folder"
     typer.echo(f"{counts}: {folder}", err=as_json or layout() != "table")
-    if len({(row["file"], row["scene"], row["record"]) for row in rows}) < len(bench_records):
+    if len(set(map(_key, rows))) < len(bench_records):
         typer.echo(f"stopped; go on with --out {folder}", err=True)
         raise typer.Exit(130)
+
+
+def _key(row: Row) -> tuple[str, str, int]:
+    """Return the key of the record that a row is of, as `BenchRecord.key`."""
+    return row["file"], row["scene"], row["record"]
 
 
 def _draw(records: Sequence[BenchRecord], rows: Sequence[Row], folder: Path, as_json: bool) -> None:
@@ -139,7 +144,7 @@ def _measured(records: Sequence[BenchRecord], folder: Path, engine: Engine, tota
             with (folder / _ROWS).open("a", encoding="utf-8") as file:
                 file.write("".join(json.dumps(row) + "\n" for row in outcome.more))
             rows += outcome.more
-            report_progress(total - len(records) + len({(row["file"], row["record"]) for row in rows}))
+            report_progress(total - len(records) + len(set(map(_key, rows))))
     return rows
 
 
