@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate import Estimates, Samples, force_over_time
 from palpate_engine.result import UncertainValue
-from palpate_engine.result.track_comparison import WARM_UP, ComparisonRecord, nis_band
+from palpate_engine.result.track_comparison import ComparisonRecord, TrackComparison, nis_band
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters.power_profiles import Sphere
 from palpate_models.relaxing_models import StandardLinearSolid
@@ -56,7 +56,7 @@ def test_the_right_parameters_predict_the_force_and_wrong_ones_by_their_error():
     wrong = measured(model, samples, constant(samples, (1.1 * E, 1.1 * ETA)))
     assert right.prediction < 1e-3  # of the differenced acceleration
     assert wrong.prediction == pytest.approx(0.1, rel=0.05)
-    assert right.predicted == right.predictable == len(samples) - round(WARM_UP * RATE) - 5
+    assert right.predicted == right.predictable == len(samples) - round(TrackComparison.WARM_UP * RATE) - 5
 
 
 def test_the_prediction_is_by_the_sample_before():
