@@ -78,7 +78,7 @@ def options(text):
 def commands(text):
     """Commands of a screen as words, each once, with values of the user's in place of VALUE."""
     lines = re.findall(r"(?:^|[ :`])(palpate [a-z][^\n`]*)", text, re.MULTILINE)
-    parts = [part.removeprefix("why ±: ") for line in lines for part in re.split(r" && |   (?=why)", line)]
+    parts = [part for line in lines for part in line.split(" && ")]
     for command in dict.fromkeys(parts):
         words = shlex.split(command)[1:]
         yield [VALUES[last] if word == "VALUE" else word for last, word in pairwise(["", *words])]

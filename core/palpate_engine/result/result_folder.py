@@ -14,6 +14,7 @@ from pathlib import Path
 from palpate.errors import OutputError
 
 PIPELINE, GIVEN, RESULT = "pipeline.toml", "given.toml", "result.json"
+_NAME_LENGTH = 20  # characters of a run's name in that of its folder; a choice: a command with it fits a terminal
 # Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
 # to 3 the standstill of a live run was `rest`; to 4 open facts were flags, and `note` a verdict.
 SCHEMA = 5  # of the layout of result.json
@@ -33,7 +34,7 @@ def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
             _claim(wanted)
             _demand_empty(wanted)  # another run may have written, and ended, in between
             return wanted
-        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip("-") or "run"
+        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip("-")[:_NAME_LENGTH].rstrip("-.") or "run"
         stem = Path("runs") / f"{now:%Y-%m-%d_%H-%M-%S}_{slug}"
         for count in range(1, 1000):
             folder = stem if count == 1 else stem.with_name(f"{stem.name}_{count}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 
 from palpate import ContactModel, Indenter, printable
-from palpate_engine import AlignmentSettings, Pipeline, Registry, Result, numbers_of
+from palpate_engine import PIPELINE, AlignmentSettings, Pipeline, Registry, Result, is_live, numbers_of
 
 from palpate_kit.terminal.motion_text import Numbers, layer_limit, motion_numbers, motion_text
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
@@ -40,6 +41,16 @@ def run_subject(pipeline: Pipeline, result: Result) -> str:
     estimators = [pipeline.registry.name_of(type(track.estimator)) for track in pipeline.tracks]
     parts = [tip, motion_text(motions), words["model"]]
     return "; ".join(filter(None, [*parts, *(estimators if len(estimators) == 1 else [])]))
+
+
+def command_again(pipeline: Pipeline, result: Result) -> str:
+    """Return the command that estimates again from what a run recorded, or from the log that it read; nothing moves.
+
+    It takes the options that state facts.
+    """
+    from_record = is_live(pipeline.devices) or pipeline.sinks
+    command, source = ("replay", result.folder) if from_record else ("run", result.folder / PIPELINE)
+    return shlex.join(["palpate", command, str(source)])
 
 
 def columns_line(pipeline: Pipeline) -> str:

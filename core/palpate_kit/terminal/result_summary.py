@@ -31,16 +31,17 @@ if TYPE_CHECKING:
 
 
 def result_views(
-    result: Result, sections: Mapping[str, ReportSection] | None = None, details: bool = False, subject: str = ""
+    result: Result, sections: Mapping[str, ReportSection], details: bool, subject: str, command: str
 ) -> Iterator[RenderableType]:
     """Return the values of each track with their verdicts, sections, findings and open facts; a view each.
 
-    `subject` are tip, model and motion in words. With `details` every column, section and flag.
+    `subject` are tip, model and motion in words. `command` estimates again, with the facts that its options state. With
+    `details` every column, section and flag.
     """
     from rich.text import Text
 
     table, names = result_table(result), list(_units(result))
-    shown = {name: section for name, section in (sections or {}).items() if details or not section.detail}
+    shown = {name: section for name, section in sections.items() if details or not section.detail}
     if layout() == "table":
         yield Text(title_line(result.run["name"]))
         yield from map(Text, filled(subject))
@@ -57,13 +58,13 @@ def result_views(
         yield Text(_ALONG.format(folder=result.folder))
     yield from _more(result, shown)
     yield from _derived(result)
-    yield from _flags(result) if details else map(coloured, _lines_below(table))
+    yield from _flags(result) if details else map(coloured, _lines_below(table, command))
 
 
-def _lines_below(table: ResultTable) -> Iterator[str]:
-    """What was found, notes on the record, open facts; of several tracks how many have which word."""
-    yield from finding_lines(table)
-    yield from fact_lines(table)
+def _lines_below(table: ResultTable, command: str) -> Iterator[str]:
+    """Return findings, notes on the record and open facts; of several tracks how many have which word."""
+    yield from finding_lines(table, command)
+    yield from fact_lines(table, command)
     if len(table.rows) > 1:
         yield from filled(table.partition(), "  ")
 
