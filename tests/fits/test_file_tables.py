@@ -9,7 +9,7 @@ from palpate_engine import registry
 from palpate_fits.file_tables import partition_line, show_rows
 from palpate_kit.curves.curve_fits import offline
 from palpate_kit.curves.row_results import row_table
-from palpate_kit.terminal.result_screen import LEGEND, WIDTH, fact_lines, finding_lines, title_line
+from palpate_kit.terminal.result_screen import LEGEND, WIDTH, command_stating, fact_lines, finding_lines, title_line
 from palpate_kit.terminal.result_table import ResultFinding
 
 THICK = "specimen thicker than 49 mm: 22 mm makes elasticity 11 % lower"
@@ -122,3 +122,23 @@ def test_a_long_table_is_forty_rows_and_a_summary_and_all_of_them_on_request(pip
     assert "131 (115.5 to 146.5)" in said  # the median of all
     show_rows(rows, pipeline, registry.load(), "palpate fit curves", details=True)
     assert capsys.readouterr().out.count(".csv ") == 63
+
+
+@pytest.mark.parametrize(
+    ("command", "facts", "line"),
+    [
+        ("palpate fit a.csv", ["--tip VALUE"], "palpate fit a.csv --tip VALUE"),
+        (
+            "palpate fit a.csv --tip 'sphere 5 mm' --base bonded",
+            ["--tip VALUE"],
+            "palpate fit a.csv --base bonded --tip VALUE",
+        ),
+        (
+            "palpate replay 'my run'",
+            ["--delay VALUE", "--poisson VALUE"],
+            "palpate replay 'my run' --delay VALUE --poisson VALUE",
+        ),
+    ],
+)
+def test_a_fact_is_stated_once_in_a_command(command, facts, line):
+    assert command_stating(command, facts) == line

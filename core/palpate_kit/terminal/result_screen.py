@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -179,7 +180,7 @@ def _help(remedy: str, command: str, advice: Mapping[str, Sequence[str]]) -> Ite
     if not remedy.startswith("--"):
         yield from filled(f"  help: {remedy}", "        ") if remedy else ()
         return
-    yield f"  help: state it: {command} {remedy}" if command else f"  help: state it with {remedy}"
+    yield f"  help: state it: {command_stating(command, [remedy])}" if command else f"  help: state it with {remedy}"
     yield from (f"        {line}" for line in advice.get(remedy.split()[0], ()))
 
 
@@ -212,7 +213,17 @@ def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
     remedies = dict.fromkeys((*of_findings, *(remedy for _, _, remedy in facts)))
     options = [remedy for remedy in remedies if remedy.startswith("--")]
     if command and options and (len(options) > 1 or options[0] not in of_findings):
-        yield f"  state: {command} {' '.join(options)}"
+        yield f"  state: {command_stating(command, options)}"
+
+
+def command_stating(command: str, facts: Sequence[str]) -> str:
+    """Return a command that states facts, as in "--tip VALUE", in place of what it states of the same."""
+    parts = shlex.split(command)
+    for option in (fact.split()[0] for fact in facts):
+        if option in parts:
+            place = parts.index(option)
+            del parts[place : place + 2]  # the option and its value
+    return " ".join([shlex.join(parts), *facts])
 
 
 def _concerned(sentence: str, table: ResultTable) -> str:
