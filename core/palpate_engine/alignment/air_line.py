@@ -13,11 +13,11 @@ from palpate.vectors import Floats
 
 from palpate_engine.alignment.change_point import samples_as_one, white_noise
 
-ROBOT_FORCE = 0.05  # [N] below which a robot's force is its tip's inertia, whatever the noise
-SIGMAS = 10.0  # of the noise, that count as touch where they are less than that
-FIRST_READINGS = 64  # samples from which the noise is estimated
-FEWEST_IN_AIR = 10  # samples
-_ROUGHER = 1.5  # times the noise of its beginning, that a line through all of the air leaves where it is bent
+ROBOT_FORCE = 0.05  # [N] below which a robot's force is its tip's inertia, whatever the noise (decision 0375)
+TOUCH_SIGMAS = 10.0  # of the noise, that count as touch where they are less than that; a choice (decision 0375)
+FIRST_READINGS = 64  # samples from which the noise is estimated; a choice
+MIN_AIR = 10  # samples of a line through the air; a choice
+_MAX_BEND = 1.5  # times the noise of its beginning, that a line through all of the air leaves; a choice
 
 
 def may_decide(settings: AlignmentSettings) -> bool:
@@ -28,47 +28,55 @@ def may_decide(settings: AlignmentSettings) -> bool:
 def decides(samples: Samples) -> bool:
     """Return True if the first readings of a record scatter by far less than a robot's force."""
     first = samples.force[:FIRST_READINGS]
-    known = first[np.isfinite(first)]
-    return (
-        len(first) == FIRST_READINGS and len(known) > FIRST_READINGS // 2 and SIGMAS * white_noise(known) < ROBOT_FORCE
-    )
+    finite = first[np.isfinite(first)]
+    if len(first) < FIRST_READINGS or len(finite) <= FIRST_READINGS // 2:
+        return False
+    return TOUCH_SIGMAS * white_noise(finite) < ROBOT_FORCE
 
 
 def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare | None:
-    """The tare of a record by its air before a touch, and the `step` [N] of its force; None where that is too short.
+    """Return the tare of a record by its air before a touch, and the `step` [N] of its force.
 
-    What is subtracted is that of the first `tare_duration`, or of as many readings as determine the noise.
+    What is subtracted is that of the first `tare_duration`, or of as many readings as determine the noise. None where
+    the air is too short, or has no noise.
     """
     air = air[np.isfinite(air.force)]
-    if len(air) < FEWEST_IN_AIR:
+    if len(air) < MIN_AIR:
         return None
-    until = max(settings.tare_duration, float(air.time[min(FIRST_READINGS, len(air)) - 1]))
-    near, whole = _air_line(air[air.time <= until]), _air_line(air)
-    line = whole if whole.noise <= _ROUGHER * near.noise else near
+    # The line through all of the air, unless the air is bent.
+    end = max(settings.tare_duration, float(air.time[min(FIRST_READINGS, len(air)) - 1]))
+    beginning, whole = _air_line(air[air.time <= end]), _air_line(air)
+    line = whole if whole.noise <= _MAX_BEND * beginning.noise else beginning
+    # Rounding to a step has the variance step^2 / 12.
     line = replace(line, noise=max(line.noise, step / math.sqrt(12.0)))
     if not line.noise > 0.0:
         return None
     if settings.tare == "free-air":
-        return Tare(near.level, near.level_std, near.noise, near.until, line.less(near.level))
+        air_line = line.less(beginning.level)
+        return Tare(beginning.level, beginning.level_std, beginning.noise, beginning.until, air_line)
     offset = 0.0 if settings.tare == "none" else float(settings.tare)
     return Tare(offset, settings.tare_uncertainty, None, air=line.less(offset))
 
 
 def _air_line(air: Samples) -> AirLine:
+    """Return the line of the force over time by least squares; its uncertainties allow for noise that is not white."""
     # Rounded once, so that a filter on another machine finds the same bits whatever order it adds in.
-    middle, level = (math.fsum(values.tolist()) / len(air) for values in (air.time, air.force))
-    time = air.time - middle
-    power = float(time @ time)
-    slope = float(time @ air.force) / power
-    left: Floats = air.force - level - slope * time
-    variance = float(left @ left) / (len(air) - 2)
-    level_std, slope_std = (math.sqrt(variance * samples_as_one(left) / size) for size in (len(air), power))
-    return AirLine(middle, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
+    mean_time, level = (math.fsum(values.tolist()) / len(air) for values in (air.time, air.force))
+    time = air.time - mean_time
+    time_square = float(time @ time)
+    slope = float(time @ air.force) / time_square
+    residual: Floats = air.force - level - slope * time
+    variance = float(residual @ residual) / (len(air) - 2)
+    mean_variance = variance * samples_as_one(residual)
+    level_std, slope_std = math.sqrt(mean_variance / len(air)), math.sqrt(mean_variance / time_square)
+    return AirLine(mean_time, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
 
 
 def tare_in_contact(settings: AlignmentSettings, noise: float) -> Tare | None:
-    """Return the stated tare of a record that begins in contact, and the noise [N] of its readings; None if none is
-    stated."""
+    """Return the stated tare of a record that begins in contact, and the noise [N] of its readings.
+
+    None where no tare is stated.
+    """
     if settings.tare == "free-air":
         return None
     offset = 0.0 if settings.tare == "none" else float(settings.tare)

@@ -1,4 +1,4 @@
-"""Where contact begins on the way down: free air, then a force that rises with a power of the depth."""
+"""The change point of a way down: free air, then a force that rises with a power of the depth."""
 
 from __future__ import annotations
 
@@ -9,86 +9,125 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate.vectors import Floats
 
-_GRID = 41  # heights that are tried together
-_STEPS = np.arange(float(_GRID))
-_LEVELS = 4  # each a twentieth of the one before
-_FEWEST = 20  # samples
-_MOST = 4000  # samples; more are thinned
-_LEAST_SHARE = 2e-3  # of all heights from the surface to the deepest sample; less is not a way down
-_LEAST_NOISE = 4.0  # standard deviations of the height: the same
-_MOST_WAY = 2e-5  # [m] of a robot, which is a way down however far it has come
-_PARTS = 8
-_GAIN = 25.0  # of the sum of squares in units of the noise's variance; constant force reaches 15 once in 1000
+# The search for the height (choices): each level spans two steps of the grid of the level before, so that four levels
+# resolve 3e-6 of the way.
+_GRID_SIZE = 41  # heights that are tried together
+_GRID_STEPS = np.arange(float(_GRID_SIZE))
+_GRID_LEVELS = 4
+_MIN_SAMPLES = 20  # for the three unknowns of the law; a choice
+_MAX_SAMPLES = 4000  # a choice: more are thinned
+# Contact has to begin so far above the deepest sample: by the range of the heights and by their noise, but never
+# farther than a depth that suffices for any robot. Choices.
+_MIN_DESCENT = 2e-3  # of the range of the heights
+_MIN_DESCENT_NOISE = 4.0  # standard deviations of the height
+_SUFFICIENT_DESCENT = 2e-5  # [m] which is a way down whatever the range
+_EIGHTHS = 8  # parts of a residual, whose means show what is not white; a choice
+_MIN_GAIN = 25.0  # decrease of the sum of squares over the noise's variance; constant force reaches 15 once in 1000
 
 
 @dataclass(frozen=True)
 class ChangePoint:
     """A two-piece law F = b for z >= z_s, b + c (z_s - z)^1.5 below, fitted by least squares.
 
-    The power is that of a sphere: free, it would cost more scatter than it takes bias of other tips.
+    The power is that of a sphere: free, it would cost more scatter than it takes bias of other tips (decision 0104).
     """
 
     surface: float  # [m] z_s
     offset: float  # [N] b
-    rms: float  # [N] of what the law leaves
+    rms: float  # [N] of the residual
     rise: float  # [N] of the law, to the deepest sample
 
 
 def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     """Return the surface in a stretch of samples (n,) [m], [N]; None where a constant force explains them as well.
 
-    For every height, offset and rise follow linearly; the height is searched on a grid that narrows (Golub and Pereyra
+    For every height, offset and slope follow linearly; the height is searched on a grid that narrows (Golub and Pereyra
     1973). Readings that are not finite are left out.
     """
-    known = np.isfinite(position) & np.isfinite(force)
-    z, f = (position, force) if known.all() else (position[known], force[known])
-    if len(z) < _FEWEST:
+    finite = np.isfinite(position) & np.isfinite(force)
+    z, f = (position, force) if finite.all() else (position[finite], force[finite])
+    if len(z) < _MIN_SAMPLES:
         return None
-    top, bottom = float(z.max()), float(z.min())
-    least = shortest_descent(z, top - bottom)
-    if not top - bottom > least:
+    min_descent = shortest_descent(z, float(z.max()) - float(z.min()))
+    if not float(z.max()) - float(z.min()) > min_descent:
         return None
-    step = -(-len(z) // _MOST)
-    z, f = z[::step], f[::step]
-    top, bottom = float(z.max()), float(z.min())
+    stride = -(-len(z) // _MAX_SAMPLES)
+    z, f = z[::stride], f[::stride]
+
+    # The height whose law leaves the least sum of squares; where none leaves less than a constant, the highest.
     centred = f - f.mean()
-    total = float((centred**2).sum())
-    best, count, held, pulls = (total, top), len(z), z, centred
-    low, high = bottom, top
-    for _ in range(_LEVELS):
-        heights = _STEPS * ((high - low) / (_GRID - 1)) + low
-        heights[-1] = high
-        below = held < high  # the law does not hold for the others, whatever the height
-        held, pulls = held[below], pulls[below]
-        sums = _left(held, pulls, count, total, heights)
-        at = int(np.argmin(sums))
-        best = min(best, (float(sums[at]), float(heights[at])))
-        low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
-    left, surface = best
-    noise = max(left, 0.0) / (count - 3)  # rounding leaves less than nothing of a law without noise
+    constant_cost = float((centred**2).sum())
+    cost, surface = _best_height(z, centred, constant_cost)
+    bottom = float(z.min())
+
+    # Offset and slope at this height, by linear regression on its shape.
+    # Rounding may make the cost of a record without noise negative; the law has three unknowns.
+    variance = max(cost, 0.0) / (len(z) - 3)
     shape = np.maximum(surface - z, 0.0)
     shape *= np.sqrt(shape)
-    spread = float(((shape - shape.mean()) ** 2).sum())
-    slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0
+    shape_square = float(((shape - shape.mean()) ** 2).sum())
+    slope = float((shape * centred).sum()) / shape_square if shape_square > 0 else 0.0
     offset = float(f.mean()) - slope * float(shape.mean())
-    if surface - bottom < least or total - left <= _GAIN * noise * samples_as_one(f - offset - slope * shape):
+
+    # Contact explains what a constant does not, by far more than noise that is not white.
+    is_deep = surface - bottom >= min_descent
+    noise_gain = _MIN_GAIN * variance * samples_as_one(f - offset - slope * shape)
+    if not is_deep or constant_cost - cost <= noise_gain:
         return None
-    return ChangePoint(surface, offset, float(np.sqrt(noise)), slope * float(shape.max()))
+    return ChangePoint(surface, offset, float(np.sqrt(variance)), slope * float(shape.max()))
 
 
-def shortest_descent(height: Floats, reach: float) -> float:
-    """Way [m] below which heights (n,) that cover a reach [m] do not go down: by their noise, and by their reach."""
-    return min(max(_LEAST_SHARE * reach, _LEAST_NOISE * white_noise(height)), _MOST_WAY)
+def _best_height(z: Floats, centred: Floats, constant_cost: float) -> tuple[float, float]:
+    """Return the least sum of squares [N2] and its height [m], of samples (n,) with forces less their mean."""
+    count = len(z)
+    low, high = float(z.min()), float(z.max())
+    best = (constant_cost, high)
+    for _ in range(_GRID_LEVELS):
+        heights = _GRID_STEPS * ((high - low) / (_GRID_SIZE - 1)) + low
+        heights[-1] = high
+        # Samples above the highest of these heights are in air, whichever it is: their shape is zero.
+        below = z < high
+        z, centred = z[below], centred[below]
+        costs = _costs(z, centred, count, constant_cost, heights)
+        least = int(np.argmin(costs))
+        best = min(best, (float(costs[least]), float(heights[least])))
+        low, high = float(heights[max(least - 1, 0)]), float(heights[min(least + 1, _GRID_SIZE - 1)])
+    return best
+
+
+def _costs(z: Floats, centred: Floats, count: int, constant_cost: float, heights: Floats) -> Floats:
+    """Return the sum of squares (k,) [N2] of the law at every height; that of a constant where the slope is negative.
+
+    Of `count` samples, `z` and `centred` are those below any of the heights. With the shape s and the centred force f,
+    the slope is s.f / |s - mean s|^2, and the decrease of the sum of squares (s.f)^2 / |s - mean s|^2.
+    """
+    shape = heights[:, None] - z
+    np.maximum(shape, 0.0, out=shape)
+    shape *= np.sqrt(shape)
+    # The mean of the shape drops out of s.f, as the sum of the centred force is zero.
+    shape_square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / count
+    product = shape @ centred
+    is_positive = (shape_square > 0) & (product > 0)
+    decrease = np.where(is_positive, product**2 / np.where(is_positive, shape_square, 1.0), 0.0)
+    return np.asarray(constant_cost - decrease)
+
+
+def shortest_descent(height: Floats, height_range: float) -> float:
+    """Return the way [m] below which heights (n,) of a range [m] do not go down, by their noise and by their range."""
+    return min(max(_MIN_DESCENT * height_range, _MIN_DESCENT_NOISE * white_noise(height)), _SUFFICIENT_DESCENT)
 
 
 def white_noise(values: Floats) -> float:
-    """Standard deviation of white noise that would give the third differences of values (n,), n > 3."""
+    """Return the standard deviation of white noise that would give the third differences of values (n,), n > 3.
+
+    The third difference has the variance (1 + 9 + 9 + 1) sigma^2 = 20 sigma^2; any parabola drops out of it.
+    """
     third = values[3:] - values[:-3] - 3.0 * (values[2:-1] - values[1:-2])
     return float(np.sqrt(np.mean(third * third) / 20.0))
 
 
-def samples_as_one(residual: Floats, parts: int = _PARTS) -> float:
-    """Return how many samples count as one, from the scatter of the means of parts, of eighths; at least 1."""
+def samples_as_one(residual: Floats, parts: int = _EIGHTHS) -> float:
+    """Return how many samples count as one: the variance of the means of equal parts over that of white noise, >= 1."""
     edges, sizes = even_parts(len(residual), parts)
     means = np.add.reduceat(residual, edges) / sizes
     variance = float(residual @ residual) / len(residual)
@@ -97,22 +136,7 @@ def samples_as_one(residual: Floats, parts: int = _PARTS) -> float:
 
 @lru_cache(64)
 def even_parts(count: int, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where parts of equal length begin, the first ones longer by one, and how long they are: of `count` samples."""
-    each, longer = divmod(count, parts)
-    edges = each * np.arange(parts + 1) + np.minimum(np.arange(parts + 1), longer)
+    """Return first index and length of each of the equal parts of `count` samples, the first ones longer by one."""
+    length, longer_count = divmod(count, parts)
+    edges = length * np.arange(parts + 1) + np.minimum(np.arange(parts + 1), longer_count)
     return edges[:-1], np.diff(edges)
-
-
-def _left(z: Floats, centred: Floats, count: int, total: float, heights: Floats) -> Floats:
-    """Sum of squares that is left (k,) for every height; the total where the force would fall with depth.
-
-    Of `count` samples, those that are below any of the heights.
-    """
-    shape = heights[:, None] - z
-    np.maximum(shape, 0.0, out=shape)
-    shape *= np.sqrt(shape)
-    # `centred` has no mean, so that none need be taken from the shape for their product.
-    square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / count
-    product = shape @ centred
-    rises = (square > 0) & (product > 0)
-    return np.asarray(total - np.where(rises, product**2 / np.where(rises, square, 1.0), 0.0))

@@ -19,7 +19,7 @@ from palpate_engine.alignment.load_compensation import LoadCompensation
 from palpate_engine.alignment.record_touch import RecordTouch, TouchSearch, resolution
 from palpate_engine.alignment.tare import measured_tare, stated_tare, where
 
-_AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there
+_MIN_AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there; a choice
 
 
 class AirForce:
@@ -30,28 +30,28 @@ class AirForce:
 
     def add(self, force: Floats) -> None:
         """Take in forces (n,) [N] in air."""
-        known = force[np.isfinite(force)]
-        # One by one, however the record is cut.
-        self._sum = float(np.cumsum(np.concatenate([[self._sum], known]))[-1])
-        self._count += len(known)
+        finite = force[np.isfinite(force)]
+        # A cumulative sum adds one by one, so the bits are the same however the record is cut.
+        self._sum = float(np.cumsum(np.concatenate([[self._sum], finite]))[-1])
+        self._count += len(finite)
 
     @property
     def mean(self) -> float | None:
         """Mean [N]; None where there is too little air."""
-        return self._sum / self._count if self._count >= _AIR_SAMPLES else None
+        return self._sum / self._count if self._count >= _MIN_AIR_SAMPLES else None
 
 
 class ContactDetector:
-    """Takes raw force to the force of the contact, and marks the samples in contact.
+    """Turns raw force into the force of the contact, and marks the samples in contact.
 
     Samples wait for the tare; then they are held back until the first touch, `touch_lag` at most, so that the begin of
     contact is located before they are marked. After the first touch nothing is held back. Where a record's own noise
     says what counts as touch, all of them wait for it, and what precedes it is the air that gives the tare.
     """
 
-    def __init__(self, settings: AlignmentSettings, most_mass: float = 0.0) -> None:
+    def __init__(self, settings: AlignmentSettings, max_mass: float = 0.0) -> None:
         self._settings = settings
-        self._search = TouchSearch(most_mass) if may_decide(settings) else None  # by the noise of the record
+        self._search = TouchSearch(max_mass) if may_decide(settings) else None  # by the noise of the record
         self._waiting: list[Samples] = []  # before the tare
         self._load: LoadCompensation | None = None  # since the tare
         self._onset: ContactOnset | None = None  # from the tare to the first touch
@@ -62,7 +62,7 @@ class ContactDetector:
 
     @property
     def tare(self) -> Tare | None:
-        """What is subtracted; None where it is not settled yet."""
+        """Force that is subtracted; None where it is not settled yet."""
         return self._load.tare if self._load is not None else None
 
     @property
@@ -72,7 +72,7 @@ class ContactDetector:
 
     @property
     def touches(self) -> int:
-        """How often contact began."""
+        """Number of times that contact began."""
         return self._hysteresis.touches if self._hysteresis is not None else 0
 
     @property
@@ -82,51 +82,55 @@ class ContactDetector:
 
     @property
     def pull(self) -> float:
-        """How far [N] below none the force stays for some samples in a row."""
+        """Force [N] by which the contact pulls, for some samples in a row."""
         return self._load.pull if self._load is not None else 0.0
 
     def feed(self, samples: Samples, final: bool = False) -> Samples:
-        """Return the samples known to be in contact or not; all remaining ones where `final`."""
+        """Return the samples whose contact is decided; all remaining ones where `final`."""
         if self._load is None:
             return self._before_tare(samples, final)
         samples = self._load.compensated(samples)
         self._load.watch_pull(samples)
         if self._onset is None:
-            return self._since_touch(samples)
+            return self._after_touch(samples)
         self._onset.feed(samples)
         return self._before_touch(self._onset, final)
 
     def _before_tare(self, samples: Samples, final: bool) -> Samples:
-        """Let samples wait until the tare can be settled, and with it the search for contact begins."""
+        """Let samples wait until the tare can be settled, then begin the search for contact."""
         self._waiting.append(samples)
         if self._search is not None:
-            return self._by_noise(self._search, final)
+            return self._search_by_noise(self._search, final)
         samples = Samples.joined(self._waiting)
         if not final and not self._can_settle(samples):
             self._waiting = [samples]
             return samples[:0]
         self._waiting = []
-        self._load, onset, searched = _settled(self._settings, samples)
+        self._load, onset, searched = _settle_tare(self._settings, samples)
         samples = self._load.compensated(samples)
         self._load.watch_pull(samples)
         onset.feed(samples[searched:])
         self._onset = onset
         return self._before_touch(onset, final)
 
-    def _by_noise(self, search: TouchSearch, final: bool) -> Samples:
-        """Return all samples from the first touch on, which their own noise shows; by the threshold where it cannot."""
-        latest = self._waiting[-1]
+    def _search_by_noise(self, search: TouchSearch, final: bool) -> Samples:
+        """Return all samples once their own noise shows the first touch; none as long as it does not.
+
+        A record that ends without a touch is air. Where its noise cannot decide, the threshold does.
+        """
+        none = self._waiting[-1][:0]
         if not final and sum(map(len, self._waiting)) < max(search.due, FIRST_READINGS):
-            return latest[:0]
+            return none
         samples = Samples.joined(self._waiting)
         self._waiting = [samples]
-        touch, tare = self._touch_with_tare(search, samples, final) if decides(samples) else (None, None)
+        noise_decides = decides(samples)
+        touch, tare = self._touch_with_tare(search, samples, final) if noise_decides else (None, None)
         if touch is not None and tare is not None:
-            return self._touched_by_noise(samples, touch, tare)
-        if touch is None and decides(samples) and not final:
-            return latest[:0]
+            return self._mark_record(samples, touch, tare)
+        if touch is None and noise_decides and not final:
+            return none
         self._search, self._waiting = None, []
-        if touch is None and decides(samples) and search.is_air(samples):
+        if touch is None and noise_decides and search.is_air(samples):
             tare = record_tare(self._settings, samples, resolution(samples.force)) or Tare(0.0, None, None)
             self._load = LoadCompensation(self._settings, tare)
             samples = self._load.compensated(samples)
@@ -139,15 +143,16 @@ class ContactDetector:
     ) -> tuple[RecordTouch | None, Tare | None]:
         """Return the first touch that has air before it, and the tare of that air; None without one.
 
-        A touch without air is looked for in whole records only, for the begin of a bend looks like one.
+        Touches without air count in whole records only, for the begin of a bend looks like one.
         """
-        while (touch := search.found(samples, final)) is not None:
+        while (touch := search.next_touch(samples, final)) is not None:
             if (tare := record_tare(self._settings, samples[: touch.begin], touch.step)) is not None:
                 return touch, tare
         touch = search.of_record(samples) if final else None
         return touch, None if touch is None else tare_in_contact(self._settings, touch.noise)
 
-    def _touched_by_noise(self, samples: Samples, touch: RecordTouch, tare: Tare) -> Samples:
+    def _mark_record(self, samples: Samples, touch: RecordTouch, tare: Tare) -> Samples:
+        """Return all samples of a record so far, less the tare, marked from a touch on."""
         self._waiting, self._load = [], LoadCompensation(self._settings, tare)
         samples = self._load.compensated(samples)
         self._load.watch_pull(samples)
@@ -159,39 +164,43 @@ class ContactDetector:
         return replace(samples, contact=contact, active=contact & samples.active)
 
     def _can_settle(self, samples: Samples) -> bool:
-        """Return True if the tare can be settled: contact that is found within the lag still shortens it."""
+        """Return True if the tare can be settled: contact that shows within the lag still shortens its window."""
         if len(samples) < FIRST_SAMPLES:
             return False
-        return self._settings.tare != "free-air" or bool(
-            samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag
-        )
+        tare_end = self._settings.tare_duration + self._settings.touch_lag
+        return self._settings.tare != "free-air" or bool(samples.time[-1] > tare_end)
 
     def _before_touch(self, onset: ContactOnset, final: bool) -> Samples:
-        """Samples in air that need not be held back; from the first touch on, all, marked from where it began."""
-        while onset.shown is not None:
+        """Return samples in air that need not be held back; from the first touch on all, marked from its begin."""
+        while onset.detection is not None:
             if not onset.is_whole(final):
                 return onset.held.samples[:0]
-            if not onset.is_lost():
-                return self._touched(onset, onset.shown)
-        given = onset.held.release(final)
-        none = np.zeros(len(given), bool)
-        self._air.add(given.force)
-        return replace(given, contact=none, active=none)
+            if not onset.reject_false_contact():
+                return self._mark_held(onset, onset.detection)
+        released = onset.held.release(final)
+        no_contact = np.zeros(len(released), bool)
+        self._air.add(released.force)
+        return replace(released, contact=no_contact, active=no_contact)
 
-    def _touched(self, onset: ContactOnset, shown: int) -> Samples:
-        """What was held back, marked from where contact began to the sample at which it showed, and after that."""
-        held, (begin, change) = onset.held.samples, onset.located()
+    def _mark_held(self, onset: ContactOnset, detection: int) -> Samples:
+        """Return the samples that were held back, marked from where contact began; the search ends.
+
+        After the one at which contact showed, the hysteresis decides.
+        """
+        held = onset.held.samples
+        begin, change = onset.located()
         surface = float(held.position[begin]) if change is None else change.surface
         self.first_touch, self.by_change_point = (float(held.time[begin]), surface), change is not None
         self._hysteresis = ContactHysteresis(self.threshold, onset.above, surface if onset.by_rise else None)
         self._onset = None
         self._air.add(held.force[:begin])
         contact = np.arange(len(held)) >= begin
-        if len(held) > shown + 1:
-            contact[shown + 1 :] = self._hysteresis.contact(held[shown + 1 :])
+        if len(held) > detection + 1:
+            contact[detection + 1 :] = self._hysteresis.contact(held[detection + 1 :])
         return replace(held, contact=contact, active=contact & held.active)
 
-    def _since_touch(self, samples: Samples) -> Samples:
+    def _after_touch(self, samples: Samples) -> Samples:
+        """Return samples after the first touch, marked by the hysteresis."""
         assert self._hysteresis is not None
         if not len(samples):
             return samples
@@ -199,26 +208,28 @@ class ContactDetector:
         return replace(samples, contact=contact, active=contact & samples.active)
 
 
-def _settled(settings: AlignmentSettings, samples: Samples) -> tuple[LoadCompensation, ContactOnset, int]:
-    """Tare and search for contact by the beginning of a record, and how many of the samples are searched already.
+def _settle_tare(settings: AlignmentSettings, samples: Samples) -> tuple[LoadCompensation, ContactOnset, int]:
+    """Return tare and search for contact by the beginning of a record, and the number of samples that are searched.
 
     A tare in free air is measured twice where contact begins within its window: it ends there.
     """
     lookback = Lookback.of(settings, samples)
     if (tare := stated_tare(settings)) is not None:
-        return *_begun(settings, tare, lookback), 0
-    head = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
-    load, onset = _begun(settings, measured_tare(settings, head), lookback)
+        return *_with_tare(settings, tare, lookback), 0
+    beginning = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
+    load, onset = _with_tare(settings, measured_tare(settings, beginning), lookback)
     if not lookback.back:
         return load, onset, 0
-    onset.feed(load.compensated(head))
-    if onset.shown is not None:
+    # Contact that begins within the window ends it: the tare is measured again, before that.
+    onset.feed(load.compensated(beginning))
+    if onset.detection is not None:
         begin, change = onset.located()
-        touched = float(onset.held.samples.time[begin])
-        if change is not None and touched < settings.tare_duration:
-            return *_begun(settings, measured_tare(settings, head, touched), lookback), 0
-    return load, onset, len(head)
+        touch_time = float(onset.held.samples.time[begin])
+        if change is not None and touch_time < settings.tare_duration:
+            return *_with_tare(settings, measured_tare(settings, beginning, touch_time), lookback), 0
+    return load, onset, len(beginning)
 
 
-def _begun(settings: AlignmentSettings, tare: Tare, lookback: Lookback) -> tuple[LoadCompensation, ContactOnset]:
+def _with_tare(settings: AlignmentSettings, tare: Tare, lookback: Lookback) -> tuple[LoadCompensation, ContactOnset]:
+    """Return the compensation by a tare, and a search for contact whose threshold is of its noise."""
     return LoadCompensation(settings, tare), ContactOnset(settings, ContactThreshold.of(settings, tare), lookback)

@@ -8,6 +8,8 @@ from palpate.estimation import Samples
 
 from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, ContactThreshold, run_lengths
 
+_ON, _OFF, _UNCHANGED = 1, -1, 0  # events
+
 
 class ContactHysteresis:
     """Contact is on after some samples in a row above the threshold, off after as many below half of it.
@@ -18,34 +20,41 @@ class ContactHysteresis:
 
     def __init__(self, threshold: ContactThreshold, above: int, surface: float | None) -> None:
         self._threshold = threshold
-        self._above, self._below, self._over = above, 0, 0  # samples in a row
+        self._above, self._below = above, 0  # samples in a row above the threshold, below half of it
+        self._raised = 0  # samples in a row above the surface
         self._surface = surface  # [m] of a touch that shows by a rise; None once the force decides
         self._in_contact = True
         self.touches = 1
 
     def contact(self, samples: Samples) -> NDArray[np.bool_]:
         """Return True if samples (n,), at least one, are in contact; counts touches."""
-        event = np.concatenate([[1 if self._in_contact else -1], self._events(samples)])
-        latest = np.maximum.accumulate(np.where(event != 0, np.arange(len(event)), 0))
-        contact: NDArray[np.bool_] = event[latest][1:] > 0
+        events = np.concatenate([[_ON if self._in_contact else _OFF], self._events(samples)])
+        latest = np.maximum.accumulate(np.where(events != _UNCHANGED, np.arange(len(events)), 0))
+        contact: NDArray[np.bool_] = events[latest][1:] == _ON
         begins = contact & ~np.concatenate([[self._in_contact], contact[:-1]])
         self.touches += int(np.count_nonzero(begins))
         self._in_contact = bool(contact[-1])
         return contact
 
     def _events(self, samples: Samples) -> NDArray[np.int64]:
-        """For each sample (n,) 1 where contact is on, -1 where it is off, 0 where it stays as it was."""
-        limit = self._threshold.at(samples.time)
-        above = run_lengths(samples.force > limit, self._above)
-        below = run_lengths(samples.force < limit - 0.5 * self._threshold.force, self._below)
+        """Return for each sample (n,) whether contact goes on, off, or stays as it was."""
+        # By the force.
+        above = run_lengths(samples.force > self._threshold.at(samples.time), self._above)
+        below = run_lengths(samples.force < self._threshold.release_at(samples.time), self._below)
         self._above, self._below = int(above[-1]), int(below[-1])
-        event = np.where(above >= SAMPLES_IN_A_ROW, 1, np.where(below >= SAMPLES_IN_A_ROW, -1, 0))
-        if self._surface is not None:
-            over = run_lengths(samples.position > self._surface, self._over)
-            self._over = int(over[-1])
-            settled = np.flatnonzero((above >= SAMPLES_IN_A_ROW) | (over >= SAMPLES_IN_A_ROW))
-            event[: settled[0] if len(settled) else len(event)] = 0
-            if len(settled):
-                event[settled[0]] = 1 if above[settled[0]] >= SAMPLES_IN_A_ROW else -1
-                self._surface = None
-        return event
+        is_on, is_off = above >= SAMPLES_IN_A_ROW, below >= SAMPLES_IN_A_ROW
+        events = np.where(is_on, _ON, np.where(is_off, _OFF, _UNCHANGED))
+        if self._surface is None:
+            return events
+
+        # After a touch by a rise the force decides only from the sample on at which it passes the threshold, or at
+        # which the tip has left the surface.
+        raised = run_lengths(samples.position > self._surface, self._raised)
+        self._raised = int(raised[-1])
+        decisions = np.flatnonzero(is_on | (raised >= SAMPLES_IN_A_ROW))
+        first = int(decisions[0]) if len(decisions) else len(events)
+        events[:first] = _UNCHANGED
+        if first < len(events):
+            events[first] = _ON if is_on[first] else _OFF
+            self._surface = None
+        return events

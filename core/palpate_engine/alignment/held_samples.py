@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import statistics
 from dataclasses import dataclass
 
-import numpy as np
 from palpate.alignment_settings import AlignmentSettings
 from palpate.estimation import Samples
 
-FIRST_SAMPLES = 11  # from which the interval is taken
+FIRST_SAMPLES = 11  # from which the interval is taken; a choice
 
-_AFTER = 0.2  # of the lag: contact that is awaited before its begin is located; the rest is looked back over
-_BASELINE = 1.0  # [s] of air that the begin of contact is located against
+_AFTER_SHARE = 0.2  # of the lag: contact that is awaited before its begin is located; a choice (decision 0104)
+_BASELINE = 1.0  # [s] of air that the begin of contact is located against; a choice
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Lookback:
 
     @classmethod
     def of(cls, settings: AlignmentSettings, samples: Samples) -> Lookback:
-        """By the beginning of a record, the same however much more has come."""
-        first = np.sort(samples.interval[1:FIRST_SAMPLES]).tolist()
-        interval = 0.5 * (first[(len(first) - 1) // 2] + first[len(first) // 2]) if first else 0.0  # the median
+        """Return the lookback by the beginning of a record, the same however much more has come."""
+        intervals = samples.interval[1:FIRST_SAMPLES].tolist()
+        interval = statistics.median(intervals) if intervals else 0.0
         if not interval > 0:
             return cls(interval, 0, 0, 0)
         lag = int(settings.touch_lag / interval)
-        after = int(_AFTER * lag)
+        after = int(_AFTER_SHARE * lag)
         return cls(interval, lag - after, after, int(_BASELINE / interval))
 
 
@@ -41,7 +41,7 @@ class HeldSamples:
     def __init__(self, lookback: Lookback) -> None:
         self._lookback = lookback
         self._held: Samples | None = None
-        self._released: Samples | None = None
+        self._baseline: Samples | None = None  # the latest that were released
 
     def __len__(self) -> int:
         return 0 if self._held is None else len(self._held)
@@ -59,17 +59,17 @@ class HeldSamples:
     def release(self, final: bool) -> Samples:
         """Return the first of the samples, all but those that are looked back over, which stay; all where `final`."""
         held = self.samples
-        ready = len(held) if final else max(len(held) - self._lookback.back, 0)
-        given, self._held = held[:ready], held[ready:]
-        released = given if self._released is None else Samples.joined([self._released, given])
-        self._released = released[max(len(released) - self._lookback.baseline, 0) :]
-        return given
+        count = len(held) if final else max(len(held) - self._lookback.back, 0)
+        released, self._held = held[:count], held[count:]
+        baseline = released if self._baseline is None else Samples.joined([self._baseline, released])
+        self._baseline = baseline[max(len(baseline) - self._lookback.baseline, 0) :]
+        return released
 
     def stretch(self, begin: int, end: int) -> Samples:
-        """Samples from one index to another of what is held, and of a baseline before it."""
-        found = self.samples[:end]
+        """Return the samples from one index to another of those held, and of a baseline before them."""
+        samples = self.samples[:end]
         begin -= self._lookback.baseline
-        if self._released is not None:
-            found = Samples.joined([self._released, found])
-            begin += len(self._released)
-        return found[max(begin, 0) :]
+        if self._baseline is not None:
+            samples = Samples.joined([self._baseline, samples])
+            begin += len(self._baseline)
+        return samples[max(begin, 0) :]

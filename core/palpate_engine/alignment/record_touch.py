@@ -1,4 +1,7 @@
-"""The first touch in a record whose own noise says what counts as touch: what inertia, drift and travel cannot be."""
+"""The first touch in a record whose own noise says what counts as touch: what inertia, drift and travel cannot be.
+
+Thresholds are choices of decisions 0375, 0392 and 0481, which state the rates of both errors.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +11,37 @@ import numpy as np
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
-from palpate_engine.alignment.air_line import FEWEST_IN_AIR, FIRST_READINGS, ROBOT_FORCE
-from palpate_engine.alignment.aliased_hum import left_by_hum
+from palpate_engine.alignment.air_line import FIRST_READINGS, MIN_AIR, ROBOT_FORCE
+from palpate_engine.alignment.aliased_hum import residual_of_hum
 from palpate_engine.alignment.change_point import samples_as_one, shortest_descent, white_noise
 from palpate_engine.alignment.contact_threshold import SAMPLES_IN_A_ROW, run_lengths
+from palpate_engine.alignment.touch_fit import (
+    Averages,
+    TouchFit,
+    air_terms,
+    averaged,
+    basis_of,
+    fit_touch,
+    with_acceleration,
+)
 
-_EVERY, _OFTEN = 16, 32  # samples between two looks: so many, or such a part of what there is
-_DRIFT = 0.05  # [N/s] of a sensor that warms up (choice); a press of 1 N takes less than 20 s
+_LOOK_INTERVAL, _LOOK_SHARE = 16, 32  # samples between two looks: at least so many, and so great a part of all
+_MAX_ROWS = 1024  # means of the record that are looked at together
+_RESOLUTION_READINGS = 4096  # latest readings, whose steps are looked at
+
+# Forces in air.
+_DRIFT = 0.05  # [N/s] of a sensor that warms up; a press of 1 N takes less than 20 s
 _CABLE = 2.0  # [N/m] of a cable that the tip pulls along
-_ROWS = 1024  # means of the record that are looked at together, at most
-_PULSE = 0.05  # [s] over which accelerations are taken
-_ABOVE = 4.0  # standard deviations of a derived acceleration, below which it is noise
-_GRID, _LEVELS = 33, 3  # heights that are tried together, and how often the grid narrows
-_GAIN = 100.0  # of the sum of squares in units of the noise's variance: ten sigma, jointly
-_OVER_WAVE = 16.0  # the same, in addition to the best wave of hum or of a line that bends
 _BENDS = 2.0  # waves over the readings, of an optical lever's baseline (1 in 3 um of travel is usual)
-_STEPS = 3.0  # of the resolution, that what only contact explains rises by at least
-_SPREAD, _BELIEVED = 2.0, 0.2  # what the law may leave: standard deviations of the noise, share of the rise
-_BELIEVED_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
-_PARTS = (8, 32)
-_ALIKE = 1e-6  # share of a term that the others leave, below which it counts as zero
-_REPEATS = 4096  # readings whose resolution is looked at
+
+# What a touch has to explain.
+_MIN_GAIN = 100.0  # variances of the noise, by which it lowers the sum of squares: ten sigma, jointly
+_MIN_GAIN_OVER_WAVE = 16.0  # the same in addition to the best wave, of hum or of a line that bends
+_MIN_RISE = 3.0  # steps of the resolution, by which what only contact explains rises
+_MAX_NOISE = 2.0  # standard deviations of the noise, that law or hum may leave
+_MAX_MISFIT = 0.2  # of its rise, that the law may leave in addition
+_MAX_MISFIT_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
+_PARTS = (8, 32)  # of a residual, whose means show how many readings count as one
 
 
 @dataclass(frozen=True)
@@ -44,202 +57,169 @@ class RecordTouch:
 class TouchSearch:
     """Looks for the first touch at set numbers of samples from the record's begin, however they arrive."""
 
-    def __init__(self, most_mass: float) -> None:
-        self._most_mass = most_mass
-        self._looked, self._seen = 0, False  # samples of the last look, and whether it showed contact
+    def __init__(self, max_mass: float) -> None:
+        self._max_mass = max_mass  # [kg]
+        self._look_end = 0  # samples of the last look
+        self._has_shown = False  # True if the last look showed contact
         self.due = FIRST_READINGS  # samples at which the next look is taken
 
-    def found(self, samples: Samples, final: bool) -> RecordTouch | None:
-        """Return the touch, by all samples of the record so far; where `final`, a look at the end is the last."""
-        while self.due <= len(samples) or (final and self._looked < len(samples)):
-            self._looked = min(self.due, len(samples))
-            touch = record_touch(samples[: self._looked], self._most_mass)
-            self.due += max(_EVERY, self.due // _OFTEN)
-            if touch is not None and self._seen:
+    def next_touch(self, samples: Samples, final: bool) -> RecordTouch | None:
+        """Return the touch that two looks in a row show, by all samples of the record so far.
+
+        Where `final`, a look at the end is the last.
+        """
+        while self.due <= len(samples) or (final and self._look_end < len(samples)):
+            self._look_end = min(self.due, len(samples))
+            touch = record_touch(samples[: self._look_end], self._max_mass)
+            self.due += max(_LOOK_INTERVAL, self.due // _LOOK_SHARE)
+            if touch is not None and self._has_shown:
                 return touch
-            self._seen = touch is not None
+            self._has_shown = touch is not None
         return None
 
     def of_record(self, samples: Samples) -> RecordTouch | None:
-        """Return the touch by all samples of a record that has ended, where a law of contact from its begin explains
-        them."""
-        return record_touch(samples, self._most_mass, _BELIEVED_WITHOUT_AIR)
+        """Return the touch by all samples of a record that has ended; it may begin in contact."""
+        return record_touch(samples, self._max_mass, _MAX_MISFIT_WITHOUT_AIR)
 
     def is_air(self, samples: Samples) -> bool:
-        """Return True if a record without a touch has no more force than a cable and inertia may give, or hum
-        explains it."""
-        known = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
-        bend = _accelerated(known.time, known.force, known.position)[3] if len(known) > FEWEST_IN_AIR else None
-        is_still = float(np.ptp(known.force)) < _range_in_air(known.position, bend, self._most_mass)
-        return is_still or _is_hum(known)
+        """Return True if a record without a touch has no more force than air may give, or hum explains it."""
+        finite = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
+        averages = Averages(finite.time, finite.force, finite.position)
+        if len(finite) > MIN_AIR:
+            averages = with_acceleration(averages)
+        is_weak = float(np.ptp(finite.force)) < _air_range(finite.position, averages.acceleration, self._max_mass)
+        return is_weak or _is_hum(finite)
 
 
-def record_touch(samples: Samples, most_mass: float, believed: float = _BELIEVED) -> RecordTouch | None:
+def record_touch(samples: Samples, max_mass: float, max_misfit: float = _MAX_MISFIT) -> RecordTouch | None:
     """Return the touch that samples from a record's begin show; None where air explains them as well.
 
-    Air is F = b + s t + k z - m a + noise with m from 0 to `most_mass` [kg]: the sensor's zero and its drift, a cable
-    or a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. It is found where
-    that lowers the sum of squares by the square of ten standard deviations of the noise in the air before, whatever m,
-    and leaves no more than a `believed` share of the rise.
+    Air is F = b + s t + k z - m a + noise with m from 0 to `max_mass` [kg]: the sensor's zero and its drift, a cable
+    or a tilt, the inertia of what hangs behind the sensor. Contact adds c (z_s - z)^1.5 below z_s. A touch lowers the
+    sum of squares by the square of ten standard deviations of the noise in the air before, whatever m, and leaves no
+    more than a share `max_misfit` of its rise.
     """
-    known = np.flatnonzero(np.isfinite(samples.force) & np.isfinite(samples.position))
-    if len(known) < 2 * FEWEST_IN_AIR:
+    # Readings that go down by more than their noise.
+    rows = np.flatnonzero(np.isfinite(samples.force) & np.isfinite(samples.position))
+    if len(rows) < 2 * MIN_AIR:
         return None
-    height, reading = samples.position[known], samples.force[known]
-    least = shortest_descent(height, float(np.ptp(height)))
-    if not float(np.ptp(height)) > least or not float(np.ptp(reading)) > 0.0:
+    height, force = samples.position[rows], samples.force[rows]
+    min_descent = shortest_descent(height, float(np.ptp(height)))
+    if not float(np.ptp(height)) > min_descent or not float(np.ptp(force)) > 0.0:
         return None
-    size = -(-len(known) // _ROWS)
-    time, force, place = (_means(column[known], size) for column in (samples.time, samples.force, samples.position))
-    noise = white_noise(reading) / np.sqrt(size)
-    step = resolution(reading)
-    bend = None
-    if most_mass > 0.0:
-        time, force, place, bend = _accelerated(time, force, place)
-    found = _surface(time, force, place, bend, most_mass)
-    if found is None:
+
+    # Air and contact, fitted to the means of blocks.
+    size = _block_size(len(rows))
+    averages = averaged(samples[rows], size)
+    if max_mass > 0.0:
+        averages = with_acceleration(averages)
+    fit = fit_touch(averages, max_mass)
+    if fit is None or fit.surface - float(averages.height.min()) < min_descent:
         return None
-    surface, gain, rise, left, basis, rest = found
-    below = place < surface
-    first = int(np.argmax(below))
-    if surface - float(place.min()) < least:
+
+    # Contact is what air is not: not before it, not by noise, not by a wave.
+    noise, step = white_noise(force), resolution(force)
+    first = int(np.argmax(averages.height < fit.surface))
+    if not _is_air_before(averages, first, max_mass):
         return None
-    # A tip that moves in contact from the start on changes the force by more than drift and travel through air do.
-    if first:
-        drift = _DRIFT * float(time[first - 1] - time[0])
-        if float(np.ptp(force[:first])) >= _range_in_air(place[:first], bend, most_mass) + drift:
-            return None
-    air = left[:first]
-    as_one = float(air @ air) / len(air) * _as_one(air) if len(air) else 0.0
-    variance = max(noise**2, as_one, step**2 / 12.0 * _as_one(left))
-    rms = float(np.sqrt(left[first:] @ left[first:] / len(left[first:])))
-    if gain < _GAIN * variance or rise < _STEPS * step or rms > _SPREAD * np.sqrt(variance) + believed * rise:
+    variance = _noise_variance(fit.residual, first, noise / np.sqrt(size), step)
+    if not _is_significant(fit, first, variance, step, max_misfit):
         return None
     # Where a mass is set in motion, what it leaves would pass for noise, and any press for a bent line.
-    bends = _BENDS if bend is None else 0.0
-    if _gain_over_wave(time, basis, rest, left, _interval(samples[known]), bends) < _OVER_WAVE * variance:
+    bends = _BENDS if averages.acceleration is None else 0.0
+    if _gain_over_wave(averages.time, fit, _interval(samples[rows]), bends) < _MIN_GAIN_OVER_WAVE * variance:
         return None
-    lasting = run_lengths(height < surface, 0) >= SAMPLES_IN_A_ROW
-    if not lasting.any():
+
+    # The first of some samples in a row below the surface.
+    is_lasting = run_lengths(height < fit.surface, 0) >= SAMPLES_IN_A_ROW
+    if not is_lasting.any():
         return None
-    begin = int(known[int(np.argmax(lasting)) - SAMPLES_IN_A_ROW + 1])
-    return RecordTouch(begin, surface, step, max(white_noise(reading), step / np.sqrt(12.0)))
+    begin = int(rows[int(np.argmax(is_lasting)) - SAMPLES_IN_A_ROW + 1])
+    # Rounding to a step has the variance step^2 / 12.
+    return RecordTouch(begin, fit.surface, step, max(noise, step / np.sqrt(12.0)))
 
 
-def _range_in_air(place: Floats, bend: Floats | None, most_mass: float) -> float:
+def _block_size(count: int) -> int:
+    """Return how many of `count` readings make a mean."""
+    return -(-count // _MAX_ROWS)
+
+
+def _is_air_before(averages: Averages, first: int, max_mass: float) -> bool:
+    """Return True if the force before a touch changes by no more than drift, and travel through air, may give.
+
+    A tip that moves in contact from the start on changes it by more.
+    """
+    if not first:
+        return True
+    drift = _DRIFT * float(averages.time[first - 1] - averages.time[0])
+    air_range = _air_range(averages.height[:first], averages.acceleration, max_mass)
+    return float(np.ptp(averages.force[:first])) < air_range + drift
+
+
+def _air_range(height: Floats, acceleration: Floats | None, max_mass: float) -> float:
     """Return the range of force [N] that a robot's own, a cable and inertia may give without drift."""
-    inertia = 0.0 if bend is None else most_mass * float(np.ptp(bend))
-    return ROBOT_FORCE + _CABLE * float(np.ptp(place)) + inertia
+    inertia = 0.0 if acceleration is None else max_mass * float(np.ptp(acceleration))
+    return ROBOT_FORCE + _CABLE * float(np.ptp(height)) + inertia
 
 
-def _gain_over_wave(time: Floats, basis: Floats, rest: Floats, left: Floats, interval: float, bends: float) -> float:
-    """By how much contact lowers the sum of squares in addition to a wave, of hum or of a line of air that bends.
+def _noise_variance(residual: Floats, first: int, noise: float, step: float) -> float:
+    """Return the variance [N2] of a mean: by third differences, by the air before a touch, and by the resolution.
+
+    The largest of the three; the last two times the number of readings that count as one.
+    """
+    air = residual[:first]
+    air_variance = float(air @ air) / len(air) * _readings_as_one(air) if len(air) else 0.0
+    return max(noise**2, air_variance, step**2 / 12.0 * _readings_as_one(residual))
+
+
+def _is_significant(fit: TouchFit, first: int, variance: float, step: float, max_misfit: float) -> bool:
+    """Return True if a law explains far more than noise and resolution, and leaves little of the contact."""
+    contact = fit.residual[first:]
+    rms = float(np.sqrt(contact @ contact / len(contact)))
+    if fit.gain < _MIN_GAIN * variance or fit.rise < _MIN_RISE * step:
+        return False
+    return rms <= _MAX_NOISE * float(np.sqrt(variance)) + max_misfit * fit.rise
+
+
+def _gain_over_wave(time: Floats, fit: TouchFit, interval: float, bends: float) -> float:
+    """Return by how much [N2] contact lowers the sum of squares in addition to a wave, of hum or of air that bends.
 
     Infinite where neither is possible.
     """
-    air = left_by_hum(time, basis, rest, interval, bends)
-    if not np.isfinite(air):
-        return air
-    law = rest - left
-    return air - left_by_hum(time, np.column_stack([basis, law / np.linalg.norm(law)]), left, interval, bends)
+    air_cost = residual_of_hum(time, fit.air_basis, fit.air_residual, interval, bends)
+    if not np.isfinite(air_cost):
+        return air_cost
+    law = fit.air_residual - fit.residual
+    basis = np.column_stack([fit.air_basis, law / np.linalg.norm(law)])
+    return air_cost - residual_of_hum(time, basis, fit.residual, interval, bends)
 
 
 def _is_hum(samples: Samples) -> bool:
     """Return True if drift, travel and a wave that hum may be leave of the force no more than its noise."""
-    if len(samples) < 2 * FEWEST_IN_AIR:
+    if len(samples) < 2 * MIN_AIR:
         return False
-    size = -(-len(samples) // _ROWS)
-    time, force, place = (_means(column, size) for column in (samples.time, samples.force, samples.position))
-    basis = _basis([np.ones(len(time)), time - time.mean(), place - place.mean()])
-    left = left_by_hum(time, basis, force - basis @ (basis.T @ force), _interval(samples))
-    return left < len(time) * (_SPREAD * white_noise(samples.force)) ** 2 / size
+    size = _block_size(len(samples))
+    averages = averaged(samples, size)
+    basis = basis_of(air_terms(averages))
+    residual = averages.force - basis @ (basis.T @ averages.force)
+    cost = residual_of_hum(averages.time, basis, residual, _interval(samples))
+    return cost < len(averages.time) * (_MAX_NOISE * white_noise(samples.force)) ** 2 / size
 
 
 def _interval(samples: Samples) -> float:
+    """Return the mean interval [s] of samples."""
     return float(samples.time[-1] - samples.time[0]) / (len(samples) - 1)
 
 
 def resolution(values: Floats) -> float:
-    """Step of values (n,) that repeat, as those that an instrument rounds; 0 where they do not."""
-    some = values[-_REPEATS:]
-    unique = np.unique(some)
-    if len(unique) < 2 or len(unique) > 0.5 * len(some):
+    """Return the step of values (n,) that repeat, as those that an instrument rounds; 0 where they do not."""
+    latest = values[-_RESOLUTION_READINGS:]
+    levels = np.unique(latest)
+    if len(levels) < 2 or len(levels) > 0.5 * len(latest):
         return 0.0
-    return float(np.median(np.diff(unique)))
+    return float(np.median(np.diff(levels)))
 
 
-def _means(values: Floats, size: int) -> Floats:
-    return np.asarray(values[: len(values) // size * size].reshape(-1, size).mean(axis=1))
-
-
-def _accelerated(time: Floats, force: Floats, place: Floats) -> tuple[Floats, Floats, Floats, Floats | None]:
-    """The same averaged by a triangle, and the acceleration (n,): the second difference of the height is that average.
-
-    So that force and acceleration are of one instant, however short a pulse. None where no acceleration is above what
-    the noise of the height makes of it.
-    """
-    interval = float(time[-1] - time[0]) / (len(time) - 1)
-    reach = min(max(round(_PULSE / interval), 1), len(time) // 20) if interval > 0 else 0
-    if reach < 1:
-        return time, force, place, None
-    weights = np.convolve(np.ones(reach), np.ones(reach)) / reach**2
-    acceleration = (place[2 * reach :] - 2.0 * place[reach:-reach] + place[: -2 * reach]) / (reach * interval) ** 2
-    noise = np.sqrt(6.0) * white_noise(place) / (reach * interval) ** 2
-    acceleration = np.where(np.abs(acceleration) > _ABOVE * noise, acceleration, 0.0)
-    force, place = (np.convolve(column, weights, "valid")[1:-1] for column in (force, place))
-    return time[reach:-reach], force, place, acceleration if acceleration.any() else None
-
-
-def _surface(
-    time: Floats, force: Floats, place: Floats, bend: Floats | None, most_mass: float
-) -> tuple[float, float, float, Floats, Floats, Floats] | None:
-    """Surface [m], by how much contact lowers the sum of squares, what only it explains, and what is left (n,) [N].
-
-    Then orthonormal terms of air (n, k), and what these leave (n,) [N].
-    """
-    terms = [np.ones(len(time)), time - time.mean(), place - place.mean()]
-    if bend is not None:
-        mass = _fitted([*terms, -bend], force)[-1]
-        if 0.0 < mass <= most_mass:
-            terms.append(-bend)
-        elif mass > most_mass:
-            force = force + most_mass * bend
-    basis = _basis(terms)
-    rest = force - basis @ (basis.T @ force)
-    low, high = float(place.min()), float(place.max())
-    best = (0.0, 0.0, 0.0)  # gain, surface, slope
-    for _ in range(_LEVELS):
-        heights = np.linspace(low, high, _GRID)
-        shape = np.maximum(heights[:, None] - place, 0.0)
-        shape *= np.sqrt(shape)
-        size = np.einsum("ij,ij->i", shape, shape)
-        across = shape @ basis
-        square = size - np.einsum("ij,ij->i", across, across)
-        product = shape @ rest
-        rises = (square > 1e-9 * size) & (product > 0.0)
-        gains = np.where(rises, product**2 / np.where(rises, square, 1.0), 0.0)
-        at = int(np.argmax(gains))
-        if gains[at] > best[0]:
-            best = float(gains[at]), float(heights[at]), float(product[at] / square[at])
-        low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
-    gain, surface, slope = best
-    if gain <= 0.0:
-        return None
-    law = slope * np.maximum(surface - place, 0.0) ** 1.5
-    law -= basis @ (basis.T @ law)
-    return surface, gain, float(np.ptp(law)), rest - law, basis, rest
-
-
-def _basis(terms: list[Floats]) -> Floats:
-    """Orthonormal columns (n, k) that span some terms: at a constant speed travel is time."""
-    left, sizes, _ = np.linalg.svd(np.column_stack([term / (np.linalg.norm(term) or 1.0) for term in terms]), False)
-    return np.asarray(left[:, sizes > _ALIKE * sizes[0]], float)
-
-
-def _fitted(terms: list[Floats], force: Floats) -> Floats:
-    return np.asarray(np.linalg.lstsq(np.column_stack(terms), force, rcond=None)[0], float)
-
-
-def _as_one(residual: Floats) -> float:
-    """Return how many readings count as one."""
+def _readings_as_one(residual: Floats) -> float:
+    """Return how many readings count as one, by the parts that show most."""
     return max((samples_as_one(residual, parts) for parts in _PARTS if len(residual) >= parts), default=1.0)

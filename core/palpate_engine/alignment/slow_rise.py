@@ -6,15 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate.vectors import Floats
 
+# Lengths in blocks of 10 ms; choices of decision 0104.
 _BLOCK = 0.01  # [s]
-_AVERAGED = 10  # blocks
-_BEFORE, _APART = 150, 50  # blocks: the baseline ends half a second before the average
-_LEAST = 50  # blocks of baseline
-_MARGIN = 1.5  # of the variance of white noise, which a second determines no better
-_SIGMAS = 5.0
-_LASTING = 10  # blocks in a row
-_ROWS = 4096  # blocks in one go
-_WIDTH = _BEFORE + _AVERAGED
+_AVERAGE = 10  # blocks of an average
+_BASELINE = 100  # blocks of the baseline
+_GAP = 50  # blocks between baseline and average
+_MIN_BASELINE = 50  # blocks, below which a baseline is too short
+_MIN_DURATION = 10  # blocks in a row that are above it, after which a rise counts
+_SPAN = _BASELINE + _GAP + _AVERAGE  # blocks from the begin of a baseline to the end of its average
+_MAX_ROWS = 4096  # averages in one go, a choice: the memory is limited
+_WHITE_SURPLUS = 1.5  # of the variance of white noise: a second determines a variance no better
+_SIGMAS = 5.0  # scatter of the averages, above which a rise counts; a choice
 
 
 class RiseFinder:
@@ -25,72 +27,78 @@ class RiseFinder:
     part of the baseline. All sums are over whole windows of the record, so nothing depends on how it is cut.
     """
 
-    def __init__(self, interval: float, least: float) -> None:
-        self._samples = max(round(_BLOCK / interval), 1) if interval > 0 else 1
-        self._least = least  # [N]
-        self._force = np.zeros(0)  # of the block that is not complete
-        self._means = np.zeros(0)  # of the latest blocks
-        self._forgotten = 0  # blocks
-        self._lasting = 0
+    def __init__(self, interval: float, min_rise: float) -> None:
+        self._block_size = max(round(_BLOCK / interval), 1) if interval > 0 else 1  # samples
+        self._min_rise = min_rise  # [N]
+        self._incomplete = np.zeros(0)  # [N] readings of the block that is not complete
+        self._means = np.zeros(0)  # [N] of the latest blocks
+        self._first = 0  # number of the first of these blocks
+        self._duration = 0  # blocks in a row that are above their baseline
 
     def feed(self, force: Floats) -> list[int]:
-        """Indices, from the first sample ever fed, of the samples at which a rise has lasted long enough."""
-        found: list[int] = []
-        force = np.concatenate([self._force, force])
-        whole = len(force) // self._samples
-        self._force = force[whole * self._samples :]
-        new = force[: whole * self._samples].reshape(whole, self._samples).mean(axis=1)
-        begin = self._forgotten + len(self._means)
-        self._means = np.concatenate([self._means, new])
-        for block in range(begin, begin + whole, _ROWS):
-            count = min(_ROWS, begin + whole - block)
-            risen = self._risen(np.arange(block, block + count) - self._forgotten)
-            for i, is_risen in enumerate(risen.tolist()):
-                self._lasting = self._lasting + 1 if is_risen else 0
-                if self._lasting >= _LASTING:
-                    found.append((block + i + 1) * self._samples - 1)
-                    self._lasting = 0
-        drop = max(len(self._means) - _WIDTH, 0)
-        self._means = self._means[drop:]
-        self._forgotten += drop
-        return found
+        """Return the indices, from the first sample ever fed, at which a rise has lasted long enough."""
+        # Means of the blocks that are complete now.
+        readings = np.concatenate([self._incomplete, force])
+        count = len(readings) // self._block_size
+        blocks = readings[: count * self._block_size].reshape(count, self._block_size)
+        self._incomplete = readings[count * self._block_size :]
+        begin = self._first + len(self._means)
+        self._means = np.concatenate([self._means, blocks.mean(axis=1)])
 
-    def _risen(self, last: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return True if the average that ends with each of these blocks is above its baseline."""
-        padded = np.concatenate([np.full(_WIDTH, np.nan), self._means])
-        begins = last + 1
-        latest = begins[:, None] + np.arange(_WIDTH - _AVERAGED, _WIDTH)
-        now = np.ascontiguousarray(padded[latest]).mean(axis=1)
-        baseline = np.ascontiguousarray(padded[begins[:, None] + np.arange(_BEFORE - _APART)])
-        known = np.isfinite(baseline)
-        count = known.sum(axis=1)
-        mean = np.where(known, baseline, 0.0).sum(axis=1) / np.maximum(count, 1)
-        likely: NDArray[np.bool_] = np.asarray((count >= _LEAST) & (now - mean > self._least))
-        if likely.any():
-            likely[likely] = self._beyond(baseline[likely], now[likely])
-        return likely
+        # Averages that end with these blocks, against their baselines.
+        rises: list[int] = []
+        for row in range(begin, begin + count, _MAX_ROWS):
+            rows = np.arange(row, min(row + _MAX_ROWS, begin + count))
+            for block, is_above in zip(rows.tolist(), self._is_above(rows - self._first).tolist(), strict=True):
+                self._duration = self._duration + 1 if is_above else 0
+                if self._duration >= _MIN_DURATION:
+                    rises.append((block + 1) * self._block_size - 1)
+                    self._duration = 0
 
-    def _beyond(self, baseline: Floats, now: Floats) -> NDArray[np.bool_]:
-        """Return True if averages (n,) are above baselines (n, m) by more than these scatter."""
-        mean, square = _moments(baseline)
-        parts = baseline.reshape(len(now), -1, _AVERAGED).mean(axis=2)
-        scatter = np.maximum(_moments(parts)[1], _uneven(baseline, square))
-        level = np.maximum(_SIGMAS * np.sqrt(scatter), self._least)
-        return np.asarray(now - mean > level)
+        # Blocks that no later average or baseline needs.
+        surplus = max(len(self._means) - _SPAN, 0)
+        self._means = self._means[surplus:]
+        self._first += surplus
+        return rises
+
+    def _is_above(self, last: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return True if the average that ends with each of these blocks (n,) is above its baseline."""
+        padded = np.concatenate([np.full(_SPAN, np.nan), self._means])
+        begins = last[:, None] + 1  # of each baseline, in what is padded
+        average = np.ascontiguousarray(padded[begins + np.arange(_SPAN - _AVERAGE, _SPAN)]).mean(axis=1)
+        baseline = np.ascontiguousarray(padded[begins + np.arange(_BASELINE)])
+        mean, _ = _moments(baseline)
+        is_long = np.isfinite(baseline).sum(axis=1) >= _MIN_BASELINE
+        is_above: NDArray[np.bool_] = np.asarray(is_long & (average - mean > self._min_rise))
+        # The scatter of the few that remain takes longer.
+        if is_above.any():
+            is_above[is_above] = self._exceeds_scatter(baseline[is_above], average[is_above])
+        return is_above
+
+    def _exceeds_scatter(self, baseline: Floats, average: Floats) -> NDArray[np.bool_]:
+        """Return True if averages (n,) are above baselines (n, m) by more than averages within these scatter."""
+        mean, block_variance = _moments(baseline)
+        _, scatter = _moments(baseline.reshape(len(average), -1, _AVERAGE).mean(axis=2))
+        variance = np.maximum(scatter, _average_variance(baseline, block_variance))
+        return np.asarray(average - mean > np.maximum(_SIGMAS * np.sqrt(variance), self._min_rise))
 
 
 def _moments(rows: Floats) -> tuple[Floats, Floats]:
-    """Mean and variance of what is known in each row."""
-    known = np.isfinite(rows)
-    count = known.sum(axis=1)
-    mean = np.where(known, rows, 0.0).sum(axis=1) / np.maximum(count, 1)
-    square = np.where(known, (rows - mean[:, None]) ** 2, 0.0).sum(axis=1) / np.maximum(count - 1, 1)
-    return mean, square
+    """Return mean and variance (n,) of the finite values of each row (n, m)."""
+    finite = np.isfinite(rows)
+    count = finite.sum(axis=1)
+    mean = np.where(finite, rows, 0.0).sum(axis=1) / np.maximum(count, 1)
+    variance = np.where(finite, (rows - mean[:, None]) ** 2, 0.0).sum(axis=1) / np.maximum(count - 1, 1)
+    return mean, variance
 
 
-def _uneven(rows: Floats, square: Floats) -> Floats:
-    """Variance of an average: what neighbours share of the variance does not average out, the rest does."""
+def _average_variance(rows: Floats, block_variance: Floats) -> Floats:
+    """Return the variance (n,) of an average: what neighbours share of it does not average out, the rest does.
+
+    The white part is half the mean square of the differences of neighbours (von Neumann 1941).
+    """
     steps = np.diff(rows, axis=1)
-    known = np.isfinite(steps)
-    white = np.where(known, steps**2, 0.0).sum(axis=1) / (2.0 * np.maximum(known.sum(axis=1), 1))
-    return np.asarray(np.maximum(square - _MARGIN * white, 0.0) + white / _AVERAGED)
+    finite = np.isfinite(steps)
+    white = np.where(finite, steps**2, 0.0).sum(axis=1) / (2.0 * np.maximum(finite.sum(axis=1), 1))
+    shared = np.maximum(block_variance - _WHITE_SURPLUS * white, 0.0)
+    return np.asarray(shared + white / _AVERAGE)
