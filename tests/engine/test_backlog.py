@@ -40,7 +40,7 @@ def test_a_replay_gets_all_samples_at_once():
 
 def test_a_live_run_gets_as_many_as_take_a_slice_of_time_and_in_their_order():
     waiting, seen = Backlog(Latency(PORT)), []
-    waiting._seconds = 1e-3  # a sample takes a millisecond: fifty in a slice
+    waiting._sample_cost = 1e-3  # a sample takes a millisecond: fifty in a slice
     due = waiting.next(block(0, 120))
     while len(due):
         assert len(due) <= 50
@@ -53,9 +53,9 @@ def test_a_live_run_gets_as_many_as_take_a_slice_of_time_and_in_their_order():
 
 
 def test_a_backlog_that_is_too_long_is_given_up_and_its_samples_are_handed_out(monkeypatch):
-    monkeypatch.setattr(module, "_LONGEST", 1.0)
+    monkeypatch.setattr(module, "_MAX_BEHIND", 1.0)
     waiting = Backlog(Latency(PORT))
-    waiting._seconds = 1.0
+    waiting._sample_cost = 1.0
     first = waiting.next(block(0, 100))
     waiting.served(first)
     assert waiting.given_up is None

@@ -1,4 +1,4 @@
-"""Batches as they arrive, and who takes them."""
+"""Batches as they arrive from devices, checked and in the order of time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each wi
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a record has become samples and estimates."""
+    """The time up to which a record has become samples, and by which the estimates are behind."""
 
     sampled: float  # [s]
     behind: float = 0.0  # [s] that the estimates are behind the samples
@@ -30,13 +30,13 @@ Take = Callable[[Arrivals], Progress | None]  # None: no samples are made of the
 
 
 def each(take: Callable[[str, Batch], None]) -> Take:
-    """Takes arrivals one by one, for those who make no samples of them."""
+    """Return a function that passes batches on one by one, for those who make no samples of them."""
 
-    def taken(arrivals: Arrivals) -> None:
+    def take_all(arrivals: Arrivals) -> None:
         for device, batch in arrivals:
             take(device, batch)
 
-    return taken
+    return take_all
 
 
 @contextmanager
@@ -78,10 +78,10 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
                     f"device {name} sends a time-stamp in the stream {batch.stream!r} that is not a whole number of "
                     f"nanoseconds: {_first_odd(np.asarray(stamps))}"
                 )
-        wanted = (len(batch.time), widths[batch.stream])
-        if np.shape(batch.values) != wanted:
-            sent = f"values of shape {np.shape(batch.values)} in place of {wanted}"
-            raise DeviceError(f"device {name} sends {sent} in the stream {batch.stream!r}")
+        shape = (len(batch.time), widths[batch.stream])
+        if np.shape(batch.values) != shape:
+            shapes = f"values of shape {np.shape(batch.values)} in place of {shape}"
+            raise DeviceError(f"device {name} sends {shapes} in the stream {batch.stream!r}")
         yield read_only(batch)
 
 
@@ -92,14 +92,18 @@ def _first_odd(stamps: NDArray[Any]) -> Any:
 
 
 def merge_batches(links: Mapping[str, Link], devices: Mapping[str, Device]) -> Iterator[tuple[str, Batch]]:
-    """Batches of all links, always from the one that is furthest behind in time; raises like `declared_batches`."""
-    streams = {name: declared_batches(name, link, devices[name].streams) for name, link in links.items()}
-    heads: dict[str, Batch] = {}
+    """Yield the batches of all links, always from the one that is furthest behind in time.
+
+    Raises like `declared_batches`.
+    """
+    sources = {name: declared_batches(name, link, devices[name].streams) for name, link in links.items()}
+    heads: dict[str, Batch] = {}  # the next batch of each device
     while True:
-        for name in [name for name in streams if name not in heads]:
-            batch = next((batch for batch in streams[name] if len(batch.time)), None)
+        # The next batch of the devices that have none waiting; those at their end drop out.
+        for name in [name for name in sources if name not in heads]:
+            batch = next((batch for batch in sources[name] if len(batch.time)), None)
             if batch is None:
-                del streams[name]
+                del sources[name]
             else:
                 heads[name] = batch
         if not heads:

@@ -10,10 +10,12 @@ from palpate.estimation import Samples
 
 from palpate_engine.pipeline.latency import Latency
 
-_SLICE = 0.05  # [s] of estimating, after which a live run records again what has come
-_LEAST, _MOST = 10, 5000  # samples in a slice
-_LONGEST = 60.0  # [s] of samples; where more wait, estimating is given up: memory is limited
-_NEWEST = 0.5  # of the pace: the latest slice against those before
+# Choices.
+_SLICE_DURATION = 0.05  # [s] of estimating, after which a live run records again what has come
+_MIN_SLICE, _MAX_SLICE = 10, 5000  # samples
+_FIRST_SLICE = 100  # samples, before it is known how long one takes
+_MAX_BEHIND = 60.0  # [s] of samples; where more wait, estimating is given up: memory is limited
+_COST_WEIGHT = 0.5  # of the latest slice against those before, in the cost of a sample
 
 
 class Backlog:
@@ -22,8 +24,8 @@ class Backlog:
     def __init__(self, latency: Latency | None = None) -> None:
         self._latency = latency  # of a live run
         self._waiting: deque[Samples] = deque()
-        self._seconds = 0.0  # that a sample takes
-        self._began = 0.0
+        self._sample_cost = 0.0  # [s] of estimating; 0: not known yet
+        self._slice_start = 0.0  # [s] by the clock
         self.sampled = 0.0  # [s] of the record that have become samples
         self.estimated = 0.0  # [s] of the record that have been handed out
         self.given_up: float | None = None  # [s] until when there are estimates; None: to the end
@@ -31,48 +33,50 @@ class Backlog:
 
     @property
     def behind(self) -> float:
-        """How far [s] the estimates are behind the samples."""
+        """Time [s] of the record by which the estimates are behind the samples."""
         return self.sampled - self.estimated if self._waiting else 0.0
 
     def next(self, samples: Samples) -> Samples:
-        """Take in new samples; those that are due."""
+        """Take in new samples; return those that are to be estimated now."""
         if len(samples):
             self._waiting.append(samples)
             self.sampled = float(samples.time[-1])
-        if self.behind > _LONGEST and self._latency:
+        if self.behind > _MAX_BEHIND and self._latency:
             self.give_up()
-        due = self._due(samples[:0])
+        due = self._due() if self._waiting else samples[:0]
         if self._latency and self._waiting and len(due):  # what is handed out at once is not behind
             self.largest = max(self.largest, self.sampled - float(due.time[-1]))
-        self._began = clock().now()
+        self._slice_start = clock().now()
         return due
 
-    def _due(self, none: Samples) -> Samples:
-        if not self._waiting:
-            return none
-        everything = self._latency is None or self.given_up is not None or clock().simulated
-        room = int(np.clip(_SLICE / self._seconds, _LEAST, _MOST)) if self._seconds else 10 * _LEAST
-        taken = []
-        while self._waiting and (everything or room > 0):
+    def _due(self) -> Samples:
+        """Return the samples that wait: all of them, or in a live run a slice."""
+        is_unlimited = self._latency is None or self.given_up is not None or clock().simulated
+        room = _FIRST_SLICE
+        if self._sample_cost:
+            room = int(np.clip(_SLICE_DURATION / self._sample_cost, _MIN_SLICE, _MAX_SLICE))
+        blocks: list[Samples] = []
+        while self._waiting and (is_unlimited or room > 0):
             block = self._waiting.popleft()
-            if not everything and len(block) > room:
+            if not is_unlimited and len(block) > room:
                 self._waiting.appendleft(block[room:])
                 block = block[:room]
-            taken.append(block)
+            blocks.append(block)
             room -= len(block)
-        return Samples.joined(taken) if len(taken) > 1 else taken[0]
+        return Samples.joined(blocks) if len(blocks) > 1 else blocks[0]
 
     def served(self, samples: Samples) -> None:
-        """Samples have been estimated and written."""
+        """Take note of samples that have been estimated and written, and of what one costs."""
         if not len(samples):
             return
         self.estimated = float(samples.time[-1])
         if self._latency is not None and self.given_up is None:
-            now = (clock().now() - self._began) / len(samples)
-            self._seconds += (_NEWEST if self._seconds else 1.0) * (now - self._seconds)
+            cost = (clock().now() - self._slice_start) / len(samples)
+            weight = _COST_WEIGHT if self._sample_cost else 1.0
+            self._sample_cost += weight * (cost - self._sample_cost)
             self._latency.served(samples.stamp)
 
     def give_up(self) -> None:
-        """From here on samples are handed out to be written, not to be estimated."""
+        """Hand out samples from here on to be written, not to be estimated."""
         if self.given_up is None and self._waiting:
             self.given_up = self.estimated

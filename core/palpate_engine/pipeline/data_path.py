@@ -13,7 +13,7 @@ from palpate_engine.pipeline.latency import Latency
 from palpate_engine.pipeline.outputs import Outputs
 from palpate_engine.pipeline.tracks import Tracks
 
-_PATIENCE = 1.0  # [s] for the backlog of a run that was stopped
+_STOPPED_PATIENCE = 1.0  # [s] for the backlog of a run that was stopped; a choice
 
 
 class DataPath:
@@ -46,10 +46,10 @@ class DataPath:
         deadline: float | None = None
         while self.backlog.behind:
             if stopped():
-                deadline = deadline or clock().now() + _PATIENCE
+                deadline = deadline or clock().now() + _STOPPED_PATIENCE
                 if clock().now() > deadline:
                     self.backlog.give_up()
             self.step([])
             yield
-        if (found := self._tracks.estimate_offline()) is not None:
-            self._outputs.write_offline(*found)
+        if (offline := self._tracks.estimate_offline()) is not None:
+            self._outputs.write_offline(*offline)

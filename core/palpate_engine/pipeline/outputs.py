@@ -1,4 +1,4 @@
-"""Where everything goes while a run goes on: into the sinks and the tables of estimates."""
+"""The outputs of a run while it goes on: sinks, and tables of estimates."""
 
 from __future__ import annotations
 
@@ -46,46 +46,49 @@ class Outputs:
         self.failure: Exception | None = None  # the first
         self._run, self._stack, self._pipeline, self._stop = run, stack, pipeline, stop
         self._room, self._folder = room, FolderWatch(run.folder)
-        self._tables = self._opened([track.track.name for track in online])
+        self._tables = self._open_tables([track.track.name for track in online])
 
-    def _opened(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
-        wanted = {track: self._run.tracks[track] for track in tracks}
+    def _open_tables(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
+        """Open the tables of estimates of some tracks, one for each recorder; they close with the run."""
+        parameters = {track: self._run.tracks[track] for track in tracks}
         tables: list[EstimatesWriter] = []
         for name, recorder in self._pipeline.registry.recorders.items():
-            table = function_of(recorder)(self._run.folder, wanted, self._pipeline, offline)
+            table = function_of(recorder)(self._run.folder, parameters, self._pipeline, offline)
             tables.append(self._stack.enter_context(context_of(table, f"recorder {name}")))
         return tables
 
     def record(self, arrivals: Iterable[tuple[str, Batch]]) -> None:
-        """Raw readings, each with its device."""
+        """Write raw readings, each with its device; stop the run where its folder is gone."""
         if self.failure is None and self._folder.is_gone:
             self._fail(OutputError(f"{self._run.folder}: the run folder is gone: was it moved, deleted or unmounted?"))
         for device, batch in arrivals:
-            self._to_all(self.writers, methodcaller("batch", device, batch))
+            self._write_all(self.writers, methodcaller("batch", device, batch))
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates] | None) -> None:
-        """Samples, and the estimates of the online tracks; None if the run has none."""
+        """Write samples, and the estimates of the online tracks; None if the run has none."""
         if not len(samples):
             return
-        self._to_all(self.writers, methodcaller("samples", samples))
+        self._write_all(self.writers, methodcaller("samples", samples))
         if estimates is not None:
-            self._hand_out(estimates)
-            self._to_all(self._tables, methodcaller("write", samples, estimates))
+            self._write_estimates(estimates)
+            self._write_all(self._tables, methodcaller("write", samples, estimates))
 
     def write_offline(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
-        """Estimates that were made of all samples after the record; they get a table of their own."""
-        self._hand_out(estimates)
-        self._to_all(self._opened(estimates, offline=True), methodcaller("write", samples, estimates))
+        """Write estimates that were made of all samples after the record, into a table of their own."""
+        self._write_estimates(estimates)
+        self._write_all(self._open_tables(estimates, offline=True), methodcaller("write", samples, estimates))
 
-    def _hand_out(self, estimates: Mapping[str, Estimates]) -> None:
-        for track, found in estimates.items():
-            self._to_all(self.writers, methodcaller("estimates", track, found))
+    def _write_estimates(self, estimates: Mapping[str, Estimates]) -> None:
+        """Write a block of estimates of each track to the sinks."""
+        for track, block in estimates.items():
+            self._write_all(self.writers, methodcaller("estimates", track, block))
 
     def finish(self, table: Mapping[str, Any]) -> None:
-        """The result, for those who want it."""
-        self._to_all(self.writers, lambda writer: writer.result(table) if isinstance(writer, TakesResult) else None)
+        """Write the result to the sinks that take it."""
+        self._write_all(self.writers, lambda writer: writer.result(table) if isinstance(writer, TakesResult) else None)
 
-    def _to_all(self, outputs: list[_Output], write: Callable[[_Output], None]) -> None:
+    def _write_all(self, outputs: list[_Output], write: Callable[[_Output], None]) -> None:
+        """Write to each of some outputs; one that fails is removed from them, and the run stops."""
         for output in list(outputs):
             try:
                 write(output)
@@ -94,6 +97,7 @@ class Outputs:
                 self._fail(error)
 
     def _fail(self, error: Exception) -> None:
+        """Stop the run at the first failure, and release the room that was kept back."""
         if self.failure is None:
             if isinstance(error, OSError):
                 error = OutputError(f"{self._run.folder}: cannot write: {error.strerror or error}")

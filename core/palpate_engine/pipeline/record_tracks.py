@@ -1,4 +1,4 @@
-"""The tracks of a pipeline on one record after the other: what a run finds, in memory."""
+"""The tracks of a pipeline on one record after the other: the results of runs, in memory."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from palpate_engine.pipeline.tracks import RunningTrack, Tracks, start_tracks
 
 @dataclass(frozen=True)
 class RecordOutcome:
-    """What a run of one record finds: its samples, every estimate, its result."""
+    """The outcome of a run of one record: its samples, every estimate, its result."""
 
     pipeline: Pipeline
     samples: Samples
@@ -37,9 +37,9 @@ class RecordOutcome:
 class RecordTracks:
     """The tracks of a pipeline, for many records that are read alike.
 
-    It finds what `run_pipeline` finds, by the same code and to the same digits, and writes nothing, opens no sink and
-    starts no thread. An estimator that is `reusable` keeps its tracker, and what that has compiled, from record to
-    record. Raises ConfigurationError for a pipeline with a live device.
+    The results are those of `run_pipeline`, by the same code and to the same digits; nothing is written, no sink is
+    opened and no thread started. An estimator that is `reusable` keeps its tracker, and what that has compiled, from
+    record to record. Raises ConfigurationError for a pipeline with a live device.
     """
 
     def __init__(self, pipeline: Pipeline, compares: bool | None = None) -> None:
@@ -67,17 +67,18 @@ class RecordTracks:
         """
         pipeline = self._with(devices, name, text)
         started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
-        began = clock().now()
-        tracks = Tracks(list(self._started(pipeline)))
-        aligner, samples, found = _read(pipeline, tracks, batches)
+        start = clock().now()
+        tracks = Tracks(list(self._start(pipeline)))
+        aligner, samples, estimates = _read(pipeline, tracks, batches)
         facts: dict[str, Any] = run_facts(pipeline) if detail else {}
-        facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
+        facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - start}
         report = aligner.report
         results = tracks.results(pipeline, report, detail)
         result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
-        return RecordOutcome(pipeline, samples, found, result)
+        return RecordOutcome(pipeline, samples, estimates, result)
 
     def _with(self, devices: Mapping[str, Device] | None, name: str | None, text: str | None) -> Pipeline:
+        """Return the pipeline with other devices, name and text, where stated."""
         pipeline = self.pipeline
         run = pipeline.run if name is None else pipeline.run.model_copy(update={"name": name})
         return replace(
@@ -87,7 +88,8 @@ class RecordTracks:
             text=pipeline.text if text is None else text,
         )
 
-    def _started(self, pipeline: Pipeline) -> Iterator[RunningTrack]:
+    def _start(self, pipeline: Pipeline) -> Iterator[RunningTrack]:
+        """Start the tracks; a reusable estimator gets the tracker of the record before."""
         for running in start_tracks(pipeline, self._compares):
             if running.track.estimator.reusable:
                 running.tracker = self._reusable.setdefault(str(running.track.name), running.tracker)
@@ -97,18 +99,17 @@ class RecordTracks:
 def _read(
     pipeline: Pipeline, tracks: Tracks, batches: Iterable[tuple[str, Batch]] | None
 ) -> tuple[Aligner, Samples, dict[str, list[Estimates]]]:
-    """Return a record taken along the data path to its end: what aligned it, its samples, and the blocks of every
-    track."""
+    """Take a record along the data path to its end; return its aligner, its samples and the estimates of each track."""
     aligner = pipeline.new_aligner()
     blocks: list[Samples] = []
-    found: dict[str, list[Estimates]] = {}
+    estimates: dict[str, list[Estimates]] = {}
 
     def take(arrivals: Arrivals, final: bool = False) -> Progress:
         samples = aligner.aligned(arrivals, final)
         if len(samples) or final:
             blocks.append(samples)
-        for track, estimates in tracks.estimate(samples).items():
-            found.setdefault(track, []).append(estimates)
+        for track, block in tracks.estimate(samples).items():
+            estimates.setdefault(track, []).append(block)
         return Progress(aligner.reached, 0.0)
 
     if batches is None:
@@ -118,5 +119,5 @@ def _read(
             take([arrival])
     take([], final=True)
     if (offline := tracks.estimate_offline()) is not None:
-        found |= {track: [estimates] for track, estimates in offline[1].items()}
-    return aligner, Samples.joined(blocks), found
+        estimates |= {track: [block] for track, block in offline[1].items()}
+    return aligner, Samples.joined(blocks), estimates

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 _SECOND = re.compile(r"\bs\b")  # in a unit
 _COLUMN_UNIT = re.compile(r"device\.[^.]+\.columns\.(\w+)\.unit")  # the key of the unit of a column, by its role
-_BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
+_MAX_BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up; a choice
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a run found, and where it is written."""
+    """The result of a run, and the folder in which it is written."""
 
     folder: Path
     run: Mapping[str, Any]
@@ -43,9 +43,7 @@ class Result:
     truth: Mapping[str, float]
     interrupted: str | None
     signal: int = signal.SIGINT  # that interrupted it
-    document: Mapping[str, Any] | None = (
-        None  # the ``result.json`` that it was read from; None of a run in this process
-    )
+    document: Mapping[str, Any] | None = None  # the ``result.json`` that it was read from; None: made by this process
 
     def demand_whole(self) -> None:
         """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
@@ -82,18 +80,17 @@ def build_result(
     facts: Mapping[str, Any],
     live: LiveFacts | None,
     report: AlignmentReport,
-    found: Mapping[str, TrackResult],
+    tracks: Mapping[str, TrackResult],
     interrupt: Interrupt,
 ) -> Result:
-    """Return the result of a run that has ended: what its tracks found, judged together with what concerns all of
-    them."""
-    run_flags = [*_rehearsal(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
+    """Return the result of a run that has ended: its tracks, judged together with the flags of all of them."""
+    run_flags = [*_rehearsal_flags(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
     flags = pipeline.registry.judged(run_flags)
     return Result(
         folder,
-        {key: finite(value) for key, value in {**facts, **_found_facts(pipeline, facts, report)}.items()},
+        {key: finite(value) for key, value in {**facts, **_record_facts(pipeline, facts, report)}.items()},
         stream_tables(report),
-        _judged(pipeline, _with_assumptions(pipeline, found), flags),
+        _judge(pipeline, _with_assumptions(pipeline, tracks), flags),
         flags,
         pipeline.truth,
         interrupt.reason,
@@ -101,36 +98,34 @@ def build_result(
     )
 
 
-def _judged(
-    pipeline: Pipeline, found: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
+def _judge(
+    pipeline: Pipeline, tracks: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
 ) -> dict[str, TrackResult]:
-    """Return the tracks' verdicts, each by itself and then among the others of its model."""
-    alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
-    against = contradictions(alone)
-    together = alone | {
-        name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
-        for name, flag in against.items()
-    }
-    return {name: track.against(pipeline.truth) for name, track in together.items()}
+    """Return the tracks with their verdicts, each by itself and then among the others of its model."""
+    judged = {name: track.judged(pipeline.registry, of_record) for name, track in tracks.items()}
+    for name, contradiction in contradictions(judged).items():
+        flags = (*tracks[name].flags, contradiction)
+        judged[name] = replace(tracks[name], flags=flags).judged(pipeline.registry, of_record)
+    return {name: track.against(pipeline.truth) for name, track in judged.items()}
 
 
-def _found_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:
-    """What alignment saw of the record, and the check of the rig behind it."""
+def _record_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:
+    """Return the facts of the record by its alignment, and those of the check of its rig."""
     control = pipeline.control
     check = {} if control is None else {"control": control.facts(datetime.fromisoformat(facts["started"]))}
     return {**_alignment_facts(report, pipeline.alignment), **check}
 
 
 def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:
-    """What alignment saw of the record: its length, tare, delay of the velocity and first touch."""
-    tare, touch, late = report.tare, report.first_touch, report.velocity_delay
+    """Return the facts of a record by its alignment: length, tare, delay of the velocity, first touch."""
+    tare, touch, delay = report.tare, report.first_touch, report.velocity_delay
     offset = tare and {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise, "until": tare.until}
     by = "change-point" if report.by_change_point else "threshold"
     return {
         "samples": report.samples,
         "log_duration": report.duration,
         "tare": offset,
-        "velocity_delay": late and {"value": late[0], "std": late[1]},
+        "velocity_delay": delay and {"value": delay[0], "std": delay[1]},
         **({"turned_tool": asdict(report.turned)} if report.turned is not None else {}),
         "first_touch": touch and {"time": touch[0], "position": touch[1], "by": by, "lag": settings.touch_lag},
     }
@@ -139,7 +134,7 @@ def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> di
 def _run_flags(
     pipeline: Pipeline, live: LiveFacts | None, report: AlignmentReport, interrupted: str | None
 ) -> Iterator[Flag]:
-    """Flags that concern every track."""
+    """Yield the flags that concern every track."""
     motion = live.motion if live is not None else None
     health = motion.devices if motion is not None else {}
     yield from setup_flags(pipeline)
@@ -148,7 +143,7 @@ def _run_flags(
         yield from pipeline.calibration.flags(pipeline, health)
     if pipeline.control is not None:
         yield from pipeline.control.flags(pipeline, health)
-    yield from _backlog(live.estimates if live is not None else None)
+    yield from _backlog_flags(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
     yield from device_flags(pipeline.alignment, pipeline.ports, health)
@@ -166,46 +161,46 @@ def _warnings_of(device: Device) -> Sequence[str]:
     return (f"{type(device).__name__}.warnings is {answer!r}, not a tuple of sentences",)
 
 
-def _rehearsal(pipeline: Pipeline) -> Iterator[Flag]:
-    """That nothing was measured."""
+def _rehearsal_flags(pipeline: Pipeline) -> Iterator[Flag]:
+    """Yield a flag for a rehearsal, in which nothing was measured."""
     if (twin := pipeline.run.rehearsal) is not None:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
-    """What the run took for known of a track although nobody stated it, but for what diagnoses say.
+def _assumed_conditions(pipeline: Pipeline, track: TrackResult) -> Iterator[Condition]:
+    """Yield a condition for each setting that nobody stated, but for those of diagnoses.
 
-    A tip that nobody stated may be any: every value needs it. So may be the rate of a log without a time: what has a
-    second in its unit needs it.
+    A tip that nobody stated may be any: every value needs it. So may be the rate of a log without a time: values with
+    a second in their unit need it.
     """
     keys = [key for key in pipeline.run.assumed if _model_of(key, pipeline) in (None, track.model)]
     keys = [key for key in keys if not _is_diagnosed(key, pipeline.alignment)]
     if not keys:
         return
-    known = values_on_trust(pipeline)
-    others = [key for key in keys if not known.get(key)]
+    # The assumed values of these settings.
+    assumed = values_on_trust(pipeline)
+    others = [key for key in keys if not assumed.get(key)]
     settings = tomllib.loads(resolved_text(pipeline)) if others else {}
-    known = {**known, **{key: _setting(settings, key) for key in others}}
+    assumed = {**assumed, **{key: _setting(settings, key) for key in others}}
     values = {**track.parameters, **{value.name: value.found for value in track.derived}}
     for key in keys:
         if key.startswith("device.") and key.endswith(".rate"):
             timed = [name for name, value in values.items() if _SECOND.search(value.unit)]
-            text, words = f"{float(known[key]):g} rows in a second", f'--set "{key}=VALUE"'
-            yield Condition("rate", text, words, "another rate", dict.fromkeys(timed, math.inf), "assumed")
+            text, remedy = f"{float(assumed[key]):g} rows in a second", f'--set "{key}=VALUE"'
+            yield Condition("rate", text, remedy, "another rate", dict.fromkeys(timed, math.inf), "assumed")
             continue
         if (column := _COLUMN_UNIT.fullmatch(key)) is not None:
             fact = f"{UNIT_OF}{column[1]}"
-            yield Condition(fact, f"{fact}: {known[key]}", remedy_of(fact), code="assumed")
+            yield Condition(fact, f"{fact}: {assumed[key]}", remedy_of(fact), code="assumed")
             continue
         of_tip = key.startswith("indenter.")
         shifts = dict.fromkeys(values, math.inf)
-        text, words = f"{key} = {known[key]}", f'--set "{key}=VALUE"'
-        yield Condition(key, text, words, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
+        text, remedy = f"{key} = {assumed[key]}", f'--set "{key}=VALUE"'
+        yield Condition(key, text, remedy, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
 
 
 def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:
-    """Return True if a key of the pipeline is a fact whose effect the diagnoses state: mass, zero and delays that
-    are open."""
+    """Return True if the diagnoses state the effect of a key of the pipeline: mass, zero, delays that are open."""
     if key == "alignment.tip_mass":
         return settings.tip_mass is None
     return key == "alignment.tare" or (key.endswith(".delay") and settings.timing_uncertainty is None)
@@ -214,28 +209,27 @@ def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:
 def _setting(settings: Mapping[str, Any], key: str) -> str:
     """Return the value of a key of the resolved settings."""
     value: Any = settings
-    for word in key.split("."):
-        value = value.get(word) if isinstance(value, dict) else None
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
     return "? (no such setting)" if value is None else str(value)
 
 
 def _model_of(key: str, pipeline: Pipeline) -> str | None:
     """Return the model that a key belongs to; None where it concerns every track."""
-    kind, _, rest = key.partition(".")
-    return next((name for name in pipeline.models if kind == "model" and rest.startswith(f"{name}.")), None)
+    return next((name for name in pipeline.models if key.startswith(f"model.{name}.")), None)
 
 
-def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
-    """Tracks with what was assumed of the readings and of their own model."""
+def _with_assumptions(pipeline: Pipeline, tracks: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
+    """Return tracks with the conditions of what was assumed of the readings and of their models."""
     return {
-        name: replace(track, conditions=(*track.conditions, *_assumed(pipeline, track)))
-        for name, track in found.items()
+        name: replace(track, conditions=(*track.conditions, *_assumed_conditions(pipeline, track)))
+        for name, track in tracks.items()
     }
 
 
-def _backlog(estimates: EstimateFacts | None) -> Iterator[Flag]:
-    """Whether the estimates of a live run kept up."""
-    if estimates is None or estimates.largest_behind < _BEHIND:
+def _backlog_flags(estimates: EstimateFacts | None) -> Iterator[Flag]:
+    """Yield a flag where the estimates of a live run did not keep up."""
+    if estimates is None or estimates.largest_behind < _MAX_BEHIND:
         return
     behind = f"the estimates were up to {estimates.largest_behind:.1f} s behind the readings"
     if (until := estimates.until) is None:

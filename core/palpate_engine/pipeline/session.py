@@ -27,7 +27,7 @@ from palpate_engine.pipeline.tracks import Tracks, declared_noise
 if TYPE_CHECKING:
     from palpate_engine.pipeline.live.live_facts import LiveFacts
 
-# Log time [s], total [s] where known, how far the estimates are behind [s].
+# Takes the time of the record [s], its duration [s] where known, and by how much the estimates are behind [s].
 Observer = Callable[[float, float | None, float], None]
 
 
@@ -56,7 +56,7 @@ class Session:
         self._registry = pipeline.registry
 
     def run(self) -> Exception | None:
-        """Until no batches and no backlog are left; what ended it early, where that was no request to stop.
+        """Run until no batches and no backlog remain; return what ended it early, unless that was a request to stop.
 
         Raises UserError where the run is refused before it begins.
         """
@@ -69,36 +69,39 @@ class Session:
                 if isinstance(error, UserError) and not self._begun.is_set():
                     raise error from error.__cause__
                 if failure is None and self._outputs.failure is None:
-                    what = "a device" if isinstance(error, DeviceError) else "an error"
-                    self._interrupt.reason = f"stopped by {what}: {error_text(error)}"
+                    cause = "a device" if isinstance(error, DeviceError) else "an error"
+                    self._interrupt.reason = f"stopped by {cause}: {error_text(error)}"
                 failure = failure or error
         return self._outputs.failure or failure
 
     def _finish(self) -> None:
+        """Estimate the rest of the record and of the backlog."""
         for _ in self._path.finish(lambda: self._interrupt.reason is not None):
-            self._show()
-        self._health.last({"time": self._aligner.reached, "behind": 0.0})
+            self._report_progress()
+        self._health.finish({"time": self._aligner.reached, "behind": 0.0})
 
     def _take(self, arrivals: Arrivals) -> Progress:
+        """Take in batches from the devices; return how far the record has become samples and estimates."""
         self._begun.set()
         self._path.step(arrivals)
-        return self._show()
+        return self._report_progress()
 
-    def _show(self) -> Progress:
-        reached, behind = self._aligner.reached, self._path.backlog.behind
-        self._health.look({"time": reached, "behind": behind})
-        if self._observe is not None and reached:
-            self._observe(reached, self._flow.total, behind)
-        return Progress(reached, behind)
+    def _report_progress(self) -> Progress:
+        """Report progress to the writers of health and to the observer, and return it."""
+        time, behind = self._aligner.reached, self._path.backlog.behind
+        self._health.step({"time": time, "behind": behind})
+        if self._observe is not None and time:
+            self._observe(time, self._flow.total, behind)
+        return Progress(time, behind)
 
     @property
     def report(self) -> AlignmentReport:
-        """What the alignment found in the record."""
+        """The facts of the record by its alignment."""
         return self._aligner.report
 
     @property
     def live(self) -> LiveFacts | None:
-        """What there is to say of a live run; None of another one."""
+        """The facts of a live run; None for another one."""
         facts = self._flow.facts
         if facts is None or self._latency is None:
             return facts

@@ -1,4 +1,4 @@
-"""Tracks at work."""
+"""The tracks of a run while it goes on: samples in, estimates and results out."""
 
 from __future__ import annotations
 
@@ -27,9 +27,11 @@ from palpate_engine.result import (
     track_result,
 )
 
-_FEW = 10  # tracked samples; before that nothing is said of a track
-_SHALLOW = 1e-4  # [m] at which, or deeper, the share of a curved skin is taken
-_MANY = 256  # samples of a block that are worth a thread
+_MIN_TRACKED = 10  # samples, up to which a running track has no result; a choice
+_MIN_DEPTH = 1e-4  # [m] at which the share of a curved skin is taken at least; a choice
+_MIN_BLOCK = 256  # samples that are worth a thread; a choice
+_KEPT_AVERAGES = 3.0  # lengths of the average that an online track's record keeps; a choice
+_MIN_KEPT = 1.0  # [s]: the same
 
 
 def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
@@ -40,7 +42,7 @@ def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
 
 @dataclass
 class RunningTrack:
-    """A track at work."""
+    """A track, its tracker, and the record of what it has estimated."""
 
     track: Track
     tracker: Tracker
@@ -50,16 +52,16 @@ class RunningTrack:
     comparison: ComparisonRecord | None = None  # of a run with several tracks
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
+        """Return the estimates of a block; idle ones from the block on at which the estimator or the model raised."""
         parameters = len(self.track.model.parameters)
         if self.record.failure is not None:
             return read_only(Estimates.idle(samples, parameters))
-        before = clock().now()
+        start = clock().now()
         try:
             share = self._curved_share(samples)
             flat = samples if share is None else read_only(replace(samples, force=samples.force / share))
             estimates = check_estimates(self.tracker.run(flat), flat, parameters)
-            self.record.add(flat, estimates, clock().now() - before)
+            self.record.add(flat, estimates, clock().now() - start)
             if self.comparison is not None:
                 self.comparison.add(flat, estimates)
         except PalpateError:
@@ -70,19 +72,19 @@ class RunningTrack:
         return estimates if share is None else read_only(replace(estimates, force=estimates.force * share))
 
     def _curved_share(self, samples: Samples) -> Floats | None:
-        """Force (n,) on the skin as it is curved over that on a flat one; 1 where that is unknown, None where always.
+        """Return the force (n,) on the curved skin over that on a flat one; 1 where unknown, None where 1 throughout.
 
         The inertia of the tip is divided by it, too: a share of a few per cent of a force that is a hundredth.
         """
         if not self.is_over_a_surface:
             return None
-        known = np.isfinite(samples.curvature[:, 0]) & np.isfinite(samples.curvature[:, 1])
-        curvature = np.where(known[:, None], samples.curvature, 0.0)
-        share = self.track.model.curved_share(curvature, np.maximum(-samples.position, _SHALLOW))
-        return None if share is None else np.where(known, share, 1.0)
+        is_known = np.isfinite(samples.curvature[:, 0]) & np.isfinite(samples.curvature[:, 1])
+        curvature = np.where(is_known[:, None], samples.curvature, 0.0)
+        share = self.track.model.curved_share(curvature, np.maximum(-samples.position, _MIN_DEPTH))
+        return None if share is None else np.where(is_known, share, 1.0)
 
     def result(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult:
-        """What the track found."""
+        """Return the result of the track at the end of its record."""
         track, online = self.track, self.track.estimator.online
         try:
             return track_result(track.name, track.model, self.record, report, settings, average, online)
@@ -93,8 +95,8 @@ class RunningTrack:
             return track_result(track.name, track.model, self.record, report, settings, average, online)
 
     def so_far(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult | None:
-        """What the track would find if the run ended now; None where that is not known yet."""
-        if self.record.samples <= _FEW and self.record.failure is None:
+        """Return the result of the track if the run ended now; None with too few samples, or where the model fails."""
+        if self.record.samples <= _MIN_TRACKED and self.record.failure is None:
             return None
         try:
             return track_result(self.track.name, self.track.model, self.record, report, settings, average, True)
@@ -105,98 +107,101 @@ class RunningTrack:
 class Tracks:
     """All tracks of a run: samples in, estimates out."""
 
-    def __init__(self, running: Sequence[RunningTrack], beside: ThreadPoolExecutor | None = None) -> None:
+    def __init__(self, running: Sequence[RunningTrack], threads: ThreadPoolExecutor | None = None) -> None:
         self.running = tuple(running)
-        self._beside = beside  # runs the online tracks but the first, where nobody waits for single samples
+        self._threads = threads  # run the online tracks but the first, where nobody waits for single samples
         self.online = tuple(track for track in running if track.track.estimator.online)
         self._offline = tuple(track for track in running if not track.track.estimator.online)
-        self._waiting: list[Samples] = []  # an offline estimator needs them all at once
+        self._blocks: list[Samples] = []  # of the whole record, for the offline estimators
 
     def estimate(self, samples: Samples) -> dict[str, Estimates]:
-        """What the online estimators say of a block, by track."""
+        """Return the estimates of a block by the online estimators, by track."""
         if not len(samples):
             return {}
         if self._offline:
-            self._waiting.append(samples)
-        if self._beside is None or len(samples) < _MANY or len(self.online) < 2:
+            self._blocks.append(samples)
+        if self._threads is None or len(samples) < _MIN_BLOCK or len(self.online) < 2:
             return {track.track.name: track.run(samples) for track in self.online}
         first, *others = self.online
-        running = [self._beside.submit(track.run, samples) for track in others]
+        futures = [self._threads.submit(track.run, samples) for track in others]
         try:
-            found: dict[str, Estimates] = {first.track.name: first.run(samples)}
+            estimates: dict[str, Estimates] = {first.track.name: first.run(samples)}
         finally:
-            wait(running)
-        return found | {track.track.name: one.result() for track, one in zip(others, running, strict=True)}
+            wait(futures)
+        return estimates | {track.track.name: future.result() for track, future in zip(others, futures, strict=True)}
 
     def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
-        """Return all samples, and what the offline estimators say of them; None if the run has none."""
-        if not self._waiting:
+        """Return all samples and their estimates by the offline estimators, by track; None if the run has none."""
+        if not self._blocks:
             return None
-        samples, self._waiting = Samples.joined(self._waiting), []
+        samples, self._blocks = Samples.joined(self._blocks), []
         return samples, {track.track.name: track.run(samples) for track in self._offline}
 
     def results(self, pipeline: Pipeline, report: AlignmentReport, detail: bool = True) -> dict[str, TrackResult]:
-        """Return what all tracks found, with the findings of every diagnosis, or of all but those of details."""
+        """Return the results of all tracks with the findings of diagnoses; without `detail` not those of details."""
         settings, average = pipeline.alignment, pipeline.run.average
-        found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
-        diagnoses = {name: one for name, one in pipeline.registry.diagnoses.items() if detail or not one.detail}
-        judged = self._diagnosed(found, pipeline, report, diagnoses)
-        return {
-            r.track.name: _compared(r, _summed(r, judged[r.track.name]), settings.tip_mass, average)
-            for r in self.running
+        results: dict[str, TrackResult] = {
+            running.track.name: running.result(report, settings, average) for running in self.running
         }
+        every = pipeline.registry.diagnoses
+        diagnoses = {name: diagnosis for name, diagnosis in every.items() if detail or not diagnosis.detail}
+        results = self._diagnose(results, pipeline, report, diagnoses)
+        for running in self.running:
+            name = running.track.name
+            results[name] = _compare(running, _summarise(running, results[name]), settings.tip_mass, average)
+        return results
 
     def results_so_far(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
-        """What the online tracks would find if the run ended now, with the findings of quick diagnoses."""
+        """Return the results of the online tracks if the run ended now, with the findings of quick diagnoses."""
         settings, average = pipeline.alignment, pipeline.run.average
-        every = {running.track.name: running.so_far(report, settings, average) for running in self.online}
-        found: dict[str, TrackResult] = {name: result for name, result in every.items() if result is not None}
+        results: dict[str, TrackResult] = {}
+        for running in self.online:
+            result = running.so_far(report, settings, average)
+            if result is not None:
+                results[running.track.name] = result
         quick = {name: diagnosis for name, diagnosis in pipeline.registry.diagnoses.items() if diagnosis.quick}
-        return self._diagnosed(found, pipeline, report, quick)
+        return self._diagnose(results, pipeline, report, quick)
 
-    def _diagnosed(
+    def _diagnose(
         self,
-        found: Mapping[str, TrackResult],
+        results: Mapping[str, TrackResult],
         pipeline: Pipeline,
         report: AlignmentReport,
         diagnoses: Mapping[str, Diagnosis],
     ) -> dict[str, TrackResult]:
-        whole: dict[str, Diagnosable] = {
-            r.track.name: Diagnosable(r.track.model, r.track.estimator, r.record, found[r.track.name])
-            for r in self.running
-            if r.track.name in found and r.record.failure is None
-        }
+        """Return results with the findings of diagnoses, but for those of tracks that failed."""
+        diagnosable: dict[str, Diagnosable] = {}
+        for running in self.running:
+            track, record = running.track, running.record
+            if track.name in results and record.failure is None:
+                diagnosable[track.name] = Diagnosable(track.model, track.estimator, record, results[track.name])
         run = pipeline.run
         is_simulated = run.rehearsal is not None or any(device.simulated for device in pipeline.devices.values())
-        return {
-            **found,
-            **apply_diagnoses(
-                whole,
-                diagnoses,
-                RunEvidence(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables, is_simulated),
-            ),
-        }
+        evidence = RunEvidence(
+            pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables, is_simulated
+        )
+        return {**results, **apply_diagnoses(diagnosable, diagnoses, evidence)}
 
 
-def _summed(running: RunningTrack, result: TrackResult) -> TrackResult:
-    """What summaries make of a track's result."""
+def _summarise(running: RunningTrack, result: TrackResult) -> TrackResult:
+    """Return a track's result with its summaries; as it is where the track failed."""
     for summary in running.record.summaries.values() if running.record.failure is None else ():
         result = summary.of(result, running.track.model, running.record.is_sweep)
     return result
 
 
-def _compared(running: RunningTrack, result: TrackResult, tip_mass: float | None, average: float) -> TrackResult:
-    """Return a track's result with the measures by which it is compared with others."""
-    ends = running.record.ends(average)
+def _compare(running: RunningTrack, result: TrackResult, tip_mass: float | None, average: float) -> TrackResult:
+    """Return a track's result with the measures by which it is compared with others; as it is without others."""
     if running.comparison is None:
         return result
-    count = 0 if ends is None else int(np.count_nonzero(np.isfinite(ends[1].nis)))
-    measures = running.comparison.measure(running.track.model, tip_mass or 0.0, result.parameters, count)
+    ends = running.record.ends(average)
+    nis_count = 0 if ends is None else int(np.count_nonzero(np.isfinite(ends[1].nis)))
+    measures = running.comparison.measure(running.track.model, tip_mass or 0.0, result.parameters, nis_count)
     return replace(result, comparison=measures)
 
 
-def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
-    """Names of the parameters of the other models."""
+def _other_parameters(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
+    """Return the names of the parameters of the other models, by model."""
     others = {name: other for name, other in pipeline.models.items() if name != model}
     return {name: tuple(parameter.name for parameter in other.parameters) for name, other in others.items()}
 
@@ -206,13 +211,13 @@ def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[Runni
 
     Raises ConfigurationError where an estimator cannot start.
     """
-    keep = max(3.0 * pipeline.run.average, 1.0)
+    kept = max(_KEPT_AVERAGES * pipeline.run.average, _MIN_KEPT)  # [s]
     standstill = pipeline.safety.standstill if pipeline.safety else None
     running = []
     for track in pipeline.tracks:
         part_failure = PartFailure(track, pipeline.registry)
         settings = pipeline.alignment
-        others = _others(pipeline, track.name.model)
+        others = _other_parameters(pipeline, track.name.model)
         problem = Problem(
             track.model, settings.tip_mass, settings.timing_uncertainty, standstill, others,
             settings.zero_uncertainty, settings.force_zero,
@@ -225,11 +230,11 @@ def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[Runni
             raise
         except RAISED_BY_PARTS as error:  # whatever third-party code raises
             raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error
-        # An offline estimate holds for all of its samples, so all of them are looked at.
         summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}
-        record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
-        curved = pipeline.alignment.surface is not None
+        # An offline estimate holds for all of its samples, so all of them are kept.
+        record = TrackRecord(kept if track.estimator.online else math.inf, summaries=summaries)
+        is_over_a_surface = pipeline.alignment.surface is not None
         is_compared = len(pipeline.tracks) > 1 if compares is None else compares
         comparison = ComparisonRecord() if is_compared else None
-        running.append(RunningTrack(track, tracker, record, part_failure, curved, comparison))
+        running.append(RunningTrack(track, tracker, record, part_failure, is_over_a_surface, comparison))
     return running
