@@ -49,7 +49,7 @@ def test_what_is_recorded_comes_before_its_samples_and_these_before_their_estima
 @pytest.mark.gate
 @pytest.mark.slow
 def test_flags_are_told_as_they_rise_and_as_they_fall(point_pipeline, tmp_path, kept, monkeypatch):
-    monkeypatch.setattr("palpate_engine.pipeline.health._EVERY", 0.0)
+    monkeypatch.setattr("palpate_engine.pipeline.health._INTERVAL", 0.0)
     pipeline = load_pipeline(point_pipeline, [*SHORT, *kept, "trajectory.press.duration=14 s"])
     result = run_pipeline(pipeline, tmp_path / "out")
     told = [{flag.code for flag in flags} for track, flags in LISTENERS[0].of("flags") if track == "dr/ekf"]

@@ -1,4 +1,4 @@
-"""Agreement: whether the tracks of one model that can be trusted say the same."""
+"""Agreement of the good tracks of one model."""
 
 from __future__ import annotations
 
@@ -10,49 +10,60 @@ from palpate.flags import Flag
 
 from palpate_engine.result.track_result import TrackResult
 
-_APART = 2.0  # combined uncertainties between two tracks of one model
+_MAX_DISTANCE = 2.0  # combined uncertainties between values of two tracks of one model; a choice: 95 %
 
 
 def contradictions(tracks: Mapping[str, TrackResult]) -> dict[str, Flag]:
-    """Of the good tracks those that others of their model contradict, each with a flag.
+    """Return a flag for each of the good tracks that others of their model contradict, by track.
 
     Two tracks contradict each other where a value of one is further from the other's than twice the larger combined
     uncertainty. The one with which most others disagree is named; where two contradict each other, both are. Values
     along a sweep differ from place to place and are not compared.
     """
-    good = [name for name, track in tracks.items() if track.verdict in ("good", "note") and not _swept(track)]
-    pairs = {
-        (first, second): apart
-        for first, second in combinations(good, 2)
-        if tracks[first].model == tracks[second].model and (apart := _apart(tracks[first], tracks[second]))
-    }
+    good = [name for name, track in tracks.items() if track.verdict in ("good", "note") and not _is_swept(track)]
+
+    # Pairs of tracks that contradict each other, with the distances of their values.
+    pairs: dict[tuple[str, str], dict[str, float]] = {}
+    for first, second in combinations(good, 2):
+        if tracks[first].model == tracks[second].model:
+            distances = _contradictory_distances(tracks[first], tracks[second])
+            if distances:
+                pairs[first, second] = distances
+
+    # The tracks that most others contradict are named, and their pairs settled, until no pair remains.
     flags: dict[str, Flag] = {}
     while pairs:
-        count = Counter(name for pair in pairs for name in pair)
-        most = max(count.values())
-        for name in [name for name in good if count[name] == most]:
-            others = [pair[1 - pair.index(name)] for pair in pairs if name in pair]
-            effects: dict[str, float] = {}
-            for pair, apart in pairs.items():
-                if name in pair:
-                    effects = {key: max(size, effects.get(key, 0.0)) for key, size in (effects | apart).items()}
-            flags[name] = Flag(
-                "contradicted", f"{', '.join(others)} finds another {', '.join(effects)}", effects=effects
-            )
-        pairs = {pair: apart for pair, apart in pairs.items() if not flags.keys() & set(pair)}
+        counts = Counter(name for pair in pairs for name in pair)
+        most = max(counts.values())
+        for name in [name for name in good if counts[name] == most]:
+            flags[name] = _contradiction_of(name, pairs)
+        pairs = {pair: distances for pair, distances in pairs.items() if not flags.keys() & set(pair)}
     return flags
 
 
-def _swept(track: TrackResult) -> bool:
+def _contradiction_of(name: str, pairs: Mapping[tuple[str, str], Mapping[str, float]]) -> Flag:
+    """Return the flag of a track with those that contradict it, and the largest distance of each value."""
+    others: list[str] = []
+    effects: dict[str, float] = {}
+    for pair, distances in pairs.items():
+        if name in pair:
+            others.append(pair[1 - pair.index(name)])
+            for parameter, distance in distances.items():
+                effects[parameter] = max(distance, effects.get(parameter, 0.0))
+    return Flag("contradicted", f"{', '.join(others)} finds another {', '.join(effects)}", effects=effects)
+
+
+def _is_swept(track: TrackResult) -> bool:
+    """Return True if values of a track differ from place to place."""
     return any(value.places for value in track.parameters.values())
 
 
-def _apart(first: TrackResult, second: TrackResult) -> dict[str, float]:
-    """By how much the values of two tracks contradict each other, by name."""
+def _contradictory_distances(first: TrackResult, second: TrackResult) -> dict[str, float]:
+    """Return the distances of those values of two tracks that contradict each other, by name."""
     distances = {}
     for name in [name for name in first.parameters if name in second.parameters]:
-        one, other = first.parameters[name], second.parameters[name]
-        distance = abs(one.value - other.value)
-        if distance > _APART * max(one.combined, other.combined):
+        first_value, second_value = first.parameters[name], second.parameters[name]
+        distance = abs(first_value.value - second_value.value)
+        if distance > _MAX_DISTANCE * max(first_value.combined, second_value.combined):
             distances[name] = distance
     return distances

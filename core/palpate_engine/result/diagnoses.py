@@ -1,4 +1,4 @@
-"""What diagnoses say of the tracks of a run, and what becomes of the result by it."""
+"""Diagnoses of the tracks of a run, and the results with their findings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from palpate_engine.result.track_result import TrackResult
 
 @dataclass(frozen=True)
 class Diagnosable:
-    """A track with its record and what it found."""
+    """A track with its record and its result."""
 
     model: ContactModel
     estimator: Estimator
@@ -39,11 +39,11 @@ class Diagnosable:
 
 @dataclass(frozen=True)
 class RunEvidence:
-    """What concerns every track of a run, and diagnoses want to know."""
+    """Evidence for diagnoses that concerns every track of a run."""
 
     settings: AlignmentSettings
     report: AlignmentReport
-    average: float  # [s] that results are means over
+    average: float  # [s] at the end, over which results are means
     uncertainties: Mapping[str, Any] = field(default_factory=dict)  # that the pipeline declares
     tables: Mapping[str, Settings] = field(default_factory=dict)
     is_simulated: bool = False
@@ -52,32 +52,37 @@ class RunEvidence:
 def apply_diagnoses(
     tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: RunEvidence
 ) -> dict[str, TrackResult]:
-    """Return the results of all tracks with the findings of all diagnoses; those of what was not estimated only by
-    some."""
-    whole = {name: _evidence(name, track, of_run) for name, track in tracks.items() if track.result.samples}
-    findings = dict[str, Mapping[str, Diagnosed]]()
+    """Return the results of all tracks with the findings of all diagnoses.
 
-    @cache  # a diagnosis is given what several before it were given
-    def with_all(label: str, names: tuple[str, ...]) -> TrackResult:
-        """Return the result of a track with its findings by these diagnoses."""
+    Tracks without finite values are seen only by diagnoses that ask for them (`lost`).
+    """
+    evidence = {label: _evidence(label, track, of_run) for label, track in tracks.items() if track.result.samples}
+    findings = dict[str, Mapping[str, Diagnosed]]()  # by diagnosis, then by track
+
+    @cache  # diagnoses share those before them
+    def diagnosed(label: str, names: tuple[str, ...]) -> TrackResult:
+        """Return the result of a track with its findings by these diagnoses, all of which have some."""
         if not names:
             return tracks[label].result
         *earlier, name = names
-        return with_findings(with_all(label, tuple(earlier)), tracks[label].model, name, findings[name][label])
+        return with_findings(diagnosed(label, tuple(earlier)), tracks[label].model, name, findings[name][label])
 
-    def judged(label: str, names: Iterable[str]) -> TrackResult:
-        """Return the result of a track with whatever these diagnoses have found of it."""
-        return with_all(label, tuple(name for name in names if label in findings[name]))
+    def with_findings_of(label: str, names: Iterable[str]) -> TrackResult:
+        """Return the result of a track with the findings of these diagnoses, where they have some."""
+        return diagnosed(label, tuple(name for name in names if label in findings[name]))
 
     for name, before in _order(tuple(diagnoses.items())):
         diagnosis = diagnoses[name]
-        known = [track for track in whole.values() if diagnosis.lost or np.isfinite(track.values).all()]
-        evidence = [_with_uncertainties(track, judged(track.name, before)) for track in known]
-        findings[name] = _findings(name, diagnosis, evidence) if evidence else {}
-    return {label: judged(label, findings) for label in tracks}
+        # The tracks with the uncertainties by the diagnoses before.
+        updated: list[TrackEvidence] = []
+        for label, track in evidence.items():
+            if diagnosis.lost or np.isfinite(track.values).all():
+                updated.append(_with_uncertainties(track, with_findings_of(label, before)))
+        findings[name] = _findings(name, diagnosis, updated) if updated else {}
+    return {label: with_findings_of(label, findings) for label in tracks}
 
 
-@lru_cache(maxsize=4)  # each record of a folder asks
+@lru_cache(maxsize=4)  # the records of a folder share one
 def _order(by_name: tuple[tuple[str, Diagnosis], ...]) -> list[tuple[str, list[str]]]:
     """Return the order of diagnoses."""
     return diagnosis_order(dict(by_name))
@@ -88,21 +93,22 @@ def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[
 
     Those are what it states, and what they state in turn. Raises PluginError where some wait for each other.
     """
-    early = {name for name, diagnosis in diagnoses.items() if Diagnosis.EVERY_OTHER not in diagnosis.after}
-    stated = {name: set(diagnosis.after) & set(diagnoses) for name, diagnosis in diagnoses.items()}
-    for name in set(diagnoses) - early:
-        stated[name] |= early
-    sorter = TopologicalSorter(stated)
+    # The diagnoses that each states to be before it; some are after every other.
+    last = {name for name, diagnosis in diagnoses.items() if Diagnosis.EVERY_OTHER in diagnosis.after}
+    predecessors = {name: set(diagnosis.after) & set(diagnoses) for name, diagnosis in diagnoses.items()}
+    for name in last:
+        predecessors[name] |= set(diagnoses) - last
+    sorter = TopologicalSorter(predecessors)
     try:
         sorter.prepare()
     except CycleError as error:
         raise PluginError(f"diagnoses wait for each other: {', '.join(map(repr, error.args[1]))}") from error
     order = list[str]()
-    before = dict[str, set[str]]()
+    before = dict[str, set[str]]()  # predecessors, and theirs in turn
     while sorter.is_active():
         ready = set(sorter.get_ready())
         for name in (name for name in diagnoses if name in ready):
-            before[name] = stated[name].union(*(before[other] for other in stated[name]))
+            before[name] = predecessors[name].union(*(before[other] for other in predecessors[name]))
             order.append(name)
         sorter.done(*ready)
     return [(name, [other for other in order if other in before[name]]) for name in order]
@@ -130,65 +136,66 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     names = [parameter.name for parameter in model.parameters]
     if finding.changes_values:
         result = _with_uncertain_values(result, model, cause, finding)
+    # Flags that the finding settles have no effect any more; its own are of this cause, if they state no other.
+    flags = [replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags]
+    flags += [replace(flag, causes=(cause,)) if flag.causes is None else flag for flag in finding.flags]
+    conditions = (*result.conditions, *_with_derived_shifts(finding.conditions, model, result))
     return replace(
         result,
         surface=result.surface.diagnosed(cause, finding.surface),
-        budget=(*result.budget, *_rows(result, names, name, finding)),
-        flags=(
-            *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
-            *(replace(flag, causes=(cause,)) if flag.causes is None else flag for flag in finding.flags),
-        ),
-        conditions=_open_facts((*result.conditions, *_with_derived(finding.conditions, model, result)), finding.known),
+        budget=(*result.budget, *_budget_rows(result, names, name, finding)),
+        flags=tuple(flags),
+        conditions=_open_facts(conditions, finding.known),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
 
 
 def _with_uncertain_values(result: TrackResult, model: ContactModel, cause: str, finding: Diagnosed) -> TrackResult:
-    """Return a result with what a finding adds to the uncertainty of parameters and of what follows from them."""
+    """Return a result with the uncertainties of a finding, of parameters and of values that follow from them."""
     parameters, free = dict(result.parameters), result.free
     for i, parameter in enumerate(model.parameters):
-        key = parameter.name
-        if key not in free:
+        name = parameter.name
+        if name not in free:
             continue
-        by_sources = _caused(parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources])
-        parameters[key] = by_sources.diagnosed(
-            cause,
-            finding.terms.get(key, 0.0),
-            key in finding.unknown,
-            finding.biases.get(key),
-            finding.left.get(key),
-        )
-    derived = tuple(_derived(value, model, result, finding, cause) for value in result.derived)
+        shares = [abs(float(term.shifts[i])) for term in finding.sources]
+        by_sources = _with_sources(parameters[name], finding, name, shares)
+        term, is_unknown = finding.terms.get(name, 0.0), name in finding.unknown
+        bias, remainder = finding.biases.get(name), finding.left.get(name)
+        parameters[name] = by_sources.diagnosed(cause, term, is_unknown, bias, remainder)
+    derived = tuple(_with_uncertain_derived(value, model, result, finding, cause) for value in result.derived)
     return replace(result, parameters=parameters, derived=derived)
 
 
 def _open_facts(conditions: Sequence[Condition], known: frozenset[str]) -> tuple[Condition, ...]:
     """Return the conditions without facts that a record measures, one of each fact."""
-    return joined([one for one in conditions if one.fact not in known])
+    return joined([condition for condition in conditions if condition.fact not in known])
 
 
-def _with_derived(conditions: Sequence[Condition], model: ContactModel, result: TrackResult) -> Iterator[Condition]:
-    """Conditions with the shifts of what follows from the parameters."""
+def _with_derived_shifts(
+    conditions: Sequence[Condition], model: ContactModel, result: TrackResult
+) -> Iterator[Condition]:
+    """Yield conditions with the shifts of values that follow from the parameters, to first order."""
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
     derived = {value.name for value in result.derived}
-    gradients = (
-        {m.name: m.gradient for m in model.material(values) if m.name in derived} if derived and conditions else {}
-    )
-    for one in conditions:
-        moved = [one.shifts.get(name, 0.0) for name in names]
-        more = {name: float(np.array(gradient) @ np.array(moved)) for name, gradient in gradients.items()}
-        yield replace(one, shifts={**one.shifts, **{name: shift for name, shift in more.items() if shift}})
+    gradients: dict[str, Sequence[float]] = {}
+    if derived and conditions:
+        gradients = {value.name: value.gradient for value in model.material(values) if value.name in derived}
+    for condition in conditions:
+        shift = np.array([condition.shifts.get(name, 0.0) for name in names])
+        derived_shifts = {name: float(np.array(gradient) @ shift) for name, gradient in gradients.items()}
+        nonzero = {name: shift for name, shift in derived_shifts.items() if shift}
+        yield replace(condition, shifts={**condition.shifts, **nonzero})
 
 
-def _caused(found: UncertainValue, finding: Diagnosed, name: str, shares: Iterable[float]) -> UncertainValue:
-    """With a share of each source of a finding, and with the delay that the value looks like."""
+def _with_sources(value: UncertainValue, finding: Diagnosed, name: str, shares: Iterable[float]) -> UncertainValue:
+    """Return a value with a share of each source of a finding, and with the delay that would look like it."""
     for term, share in zip(finding.sources, shares, strict=True):
-        found = found.diagnosed(term.cause, share)
-    return replace(found, per_shear=finding.delays[name]) if name in finding.delays else found
+        value = value.diagnosed(term.cause, share)
+    return replace(value, per_shear=finding.delays[name]) if name in finding.delays else value
 
 
-def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
+def _budget_rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
     """Yield the rows of a finding in the budget."""
     for term in finding.sources:
         yield term.row({key: result.parameters[key].value for key in names})
@@ -200,9 +207,10 @@ def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnos
         yield BudgetRow(name, None, "", {key: result.parameters[key].effect(share) for key, share in shares.items()})
 
 
-def _derived(
+def _with_uncertain_derived(
     value: DerivedValue, model: ContactModel, result: TrackResult, finding: Diagnosed, cause: str
 ) -> DerivedValue:
+    """Return a value that follows from the parameters with the uncertainties of a finding, to first order."""
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
     material = next(m for m in model.material(values) if m.name == value.name)
@@ -210,13 +218,15 @@ def _derived(
     share = material.std([finding.terms.get(name, 0.0) for name in names])
     shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
     share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
-    touched = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
+    is_unknown = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
     shares = [abs(float(gradient @ term.shifts)) for term in finding.sources]
-    return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
+    by_sources = _with_sources(value.found, finding, value.name, shares)
+    return replace(value, found=by_sources.diagnosed(cause, share, is_unknown))
 
 
 def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEvidence:
-    found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
+    """Return the evidence of a track: its samples, its values with their uncertainties, its end."""
+    values = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
     record, settings = track.record, of_run.settings
     time, force, position = record.keeper.air
     evidence = TrackEvidence(
@@ -228,13 +238,13 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
         time,
         force,
         position,
-        np.array([f.value for f in found]),
-        np.array([f.std for f in found]),
-        np.array([f.combined for f in found]),
+        np.array([value.value for value in values]),
+        np.array([value.std for value in values]),
+        np.array([value.combined for value in values]),
         track.result.surface.value,
         record.report,
         of_run.tables,
-        _ending(track, of_run),
+        _track_end(track, of_run),
         track.result.parameters,
         record.keeper.air_after,
     )
@@ -242,14 +252,15 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
 
 
 def _with_uncertainties(evidence: TrackEvidence, result: TrackResult) -> TrackEvidence:
-    """Return the evidence with what the diagnoses before have made of the uncertainty of each parameter."""
+    """Return the evidence with the uncertainties of a result, those by the diagnoses before."""
     combined = np.array([result.parameters[parameter.name].combined for parameter in evidence.model.parameters])
     return read_only(
         replace(evidence, combined=combined, found=result.parameters, surface_uncertainty=result.surface.combined)
     )
 
 
-def _ending(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
+def _track_end(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
+    """Return the evidence of the end of a track; None where nothing was tracked."""
     tail = track.record.tail
     if tail is None:
         return None

@@ -1,4 +1,4 @@
-"""Materiality: what counts against a value of a track beyond its uncertainty, and what it is worth by that."""
+"""Materiality: flags count against a value of a track where they move it beyond its uncertainty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate.flags import EFFECTS, NEEDS, NOT_DETERMINED, VERDICTS, Flag, Verdic
 from palpate.registry import Registry
 from palpate.units import display_unit
 
-_OPEN = "undetermined"  # the note on a value that the record does not determine
+_UNDETERMINED = "undetermined"  # the note on a value that the record does not determine
 # Rows of a budget in a sentence, by the name that a finding has as its cause.
 _ROW_WORDS = {
     "model-discrepancy": "what the law leaves of the force",
@@ -33,7 +33,7 @@ _ROW_REMEDIES = dict.fromkeys(("poisson", "timing", "tare", "mass", "radius", "h
     "settling": "record for longer",
 }
 _PER_TIME = re.compile(r"\bs\b")  # in the unit of a viscosity
-_VISIBLE = 1e-3  # of a value: effects below are not listed
+_MIN_LISTED = 1e-3  # of a value: effects below are not listed; a choice
 
 
 @dataclass(frozen=True)
@@ -51,63 +51,70 @@ def weigh(
     registry: Registry,
     conditions: Sequence[Condition] = (),
 ) -> WeighedFlags:
-    """Return the one rule for every flag with an effect: doubtful only where it moves a value beyond its uncertainty.
+    """Return the flags that matter and the verdicts of values, by one rule for every flag with an effect.
 
-    What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
-    the flag's own cause makes no doubt smaller. Those whose effect is not known always count. A value that a flag voids
-    is invalid by itself. A value within two uncertainties of none, or of an unknown one, is not determined; one that
-    the alternative of an open fact moves by more than half needs that fact.
+    A flag makes a value doubtful only where it moves it beyond its uncertainty. Its effect is compared with the
+    combined standard uncertainty of all other causes: a larger uncertainty by the flag's own cause makes no doubt
+    smaller. Flags whose effect is not known always count. A value that a flag voids is invalid by itself. A value
+    within two uncertainties of zero, or of an unknown one, is not determined; one that the alternative of an open fact
+    moves by more than half needs that fact.
     """
-    findings, immaterial = [], []
+    findings: list[tuple[Flag, float]] = []  # with the largest effect, in uncertainties
+    immaterial: list[Flag] = []
     doubts: dict[str, Verdict] = dict.fromkeys(values, "good")
-    sizes: dict[int, float] = {}
+
+    # Flags, and notes on what the record does not determine.
     judged = registry.judged(flags)
-    unknown = {name for flag in judged if flag.code == _OPEN for name in flag.effects or {}}
-    for flag in (*judged, *registry.judged(_undetermined(unknown, values))):
-        moved = _moved(flag, values)
-        said = replace(_with_effects(flag, values), moves=moved if flag.severity != "note" else ())
-        if flag.severity == "doubtful" and not moved:
-            immaterial.append(said)
+    noted = {name for flag in judged if flag.code == _UNDETERMINED for name in flag.effects or {}}
+    for flag in (*judged, *registry.judged(_undetermined_flags(noted, values))):
+        moved = _moved_values(flag, values)
+        if flag.severity == "note":
+            findings.append((replace(_with_effects(flag, values), moves=()), _largest_ratio(flag, values)))
             continue
-        sizes[id(said)] = _size(flag, values)
-        findings.append(said)
-        for name in moved if flag.severity != "note" else ():
-            own: Verdict = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
-            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(own))]
-    findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
-    # Without a rate a viscosity has no size, and what it needs is said before that it is not determined.
-    timeless = {name for condition in conditions if condition.fact == "rate" for name in condition.shifts}
-    open_values = {name for flag in findings if flag.code == _OPEN for name in flag.effects or {}} - timeless
+        finding = replace(_with_effects(flag, values), moves=moved)
+        if flag.severity == "doubtful" and not moved:
+            immaterial.append(finding)
+            continue
+        findings.append((finding, _largest_ratio(flag, values)))
+        for name in moved:
+            word: Verdict = "invalid" if _is_voided(flag, name, registry) else flag.severity or "doubtful"
+            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(word))]
+    findings.sort(key=lambda finding: (-VERDICTS.index(finding[0].severity or "doubtful"), -finding[1]))
+
+    # Without a rate a viscosity has no size: it needs the rate before it can be undetermined.
+    undetermined = {name for flag, _ in findings if flag.code == _UNDETERMINED for name in flag.effects or {}}
+    undetermined -= {name for condition in conditions if condition.fact == "rate" for name in condition.shifts}
     by_value = {
-        name: _word(doubts[name], name in open_values, needs(conditions, name, value)) for name, value in values.items()
+        name: _verdict_of(doubts[name], name in undetermined, needs(conditions, name, value))
+        for name, value in values.items()
     }
-    return WeighedFlags(tuple(findings), tuple(immaterial), by_value)
+    return WeighedFlags(tuple(flag for flag, _ in findings), tuple(immaterial), by_value)
 
 
-def _word(doubt: Verdict, is_open: bool, needed: str) -> str:
+def _verdict_of(doubt: Verdict, is_undetermined: bool, needed: str) -> str:
     """Return the verdict of a value: invalid before not determined, before what it needs, before doubtful."""
     if doubt == "invalid":
         return doubt
-    if is_open:
+    if is_undetermined:
         return NOT_DETERMINED
     return f"{NEEDS}{needed}" if needed else doubt
 
 
-def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
-    """Return True if a flag says that a value is void, while others of its track may be used."""
+def _is_voided(flag: Flag, name: str, registry: Registry) -> bool:
+    """Return True if a flag voids a value, while others of its track may be used."""
     meaning = registry.meanings.get(flag.code)
     return meaning is not None and meaning.voids and math.isinf((flag.effects or {}).get(name, 0.0))
 
 
-def _size(flag: Flag, values: Mapping[str, UncertainValue]) -> float:
-    """By how many uncertainties a flag moves a value at most; what is not known comes first."""
+def _largest_ratio(flag: Flag, values: Mapping[str, UncertainValue]) -> float:
+    """Return the largest effect of a flag, in uncertainties of a value; infinite where its effects are not known."""
     if flag.effects is None:
         return math.inf
     return max((_ratio(flag, name, values[name]) for name in flag.effects if name in values), default=0.0)
 
 
-def _moved(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str, ...]:
-    """Names of the values that a flag puts in doubt."""
+def _moved_values(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str, ...]:
+    """Return the names of the values that a flag puts in doubt."""
     if flag.effects is None:
         return tuple(values)
     if flag.severity == "invalid":
@@ -116,25 +123,27 @@ def _moved(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str, ...]:
 
 
 def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
-    """What a flag names over the standard uncertainty of everything else."""
+    """Return the effect of a flag on a value over the standard uncertainty of all other causes."""
     effect, others = (flag.effects or {})[name], value.without(*(flag.causes or ()))
-    return effect / others if others > 0 else math.inf if effect > 0 else 0.0
+    if others > 0:
+        return effect / others
+    return math.inf if effect > 0 else 0.0
 
 
-def _undetermined(said: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
-    """Yield the note on values that may be none as far as the record shows; nothing of what is said already."""
+def _undetermined_flags(noted: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
+    """Yield a note on values that may be zero as far as the record shows, unless they are `noted` already."""
     for name, value in values.items():
         u = value.of_one_place
-        if name in said or not math.isfinite(value.value):
+        if name in noted or not math.isfinite(value.value):
             continue
         if value.unknown or math.isnan(u):
             yield Flag("undetermined", f"the uncertainty of {name} is not known", effects={name: math.inf})
         elif 2 * u > abs(value.value):
             rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
-            most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
-            row = "noise" if most == "the estimator" else most.replace("_", "-")
-            word, factor = display_unit(value.unit)
-            size = f"{float(f'{factor * (abs(value.value) + 2 * u):.3g}'):g} {word}"
+            largest = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
+            row = "noise" if largest == "the estimator" else largest.replace("_", "-")
+            unit, factor = display_unit(value.unit)
+            size = f"{float(f'{factor * (abs(value.value) + 2 * u):.3g}'):g} {unit}"
             text = f"{name} is at most {size}; most of its ± is {row_words(row)}"
             yield Flag("undetermined", text, effects={name: u}, remedy=_row_remedy(row, value.unit), suspects=(row,))
 
@@ -152,15 +161,16 @@ def _row_remedy(row: str, unit: str) -> str:
 
 
 def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
-    """With its effects in words."""
-    if not flag.effects or flag.code == _OPEN:
+    """Return a flag with its effects in words."""
+    if not flag.effects or flag.code == _UNDETERMINED:
         return flag
     sizes = {name: size / abs(values[name].value or 1e-300) for name, size in flag.effects.items() if name in values}
-    listed = [f"{name} by {_percent(size)}" for name, size in sizes.items() if size > _VISIBLE]
+    listed = [f"{name} by {_percent(size)}" for name, size in sizes.items() if size > _MIN_LISTED]
     return replace(flag, message=f"{flag.message}{EFFECTS}{', '.join(listed)}") if listed else flag
 
 
 def _percent(share: float) -> str:
+    """Return a share in words, to two digits."""
     if not math.isfinite(share):
         return "any amount"
     return f"{float(f'{100 * share:.2g}'):g} %" if share < 10 else "more than tenfold"

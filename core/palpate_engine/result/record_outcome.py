@@ -1,4 +1,4 @@
-"""What a record comes to: the numbers of a track at its end, and what concerns every track."""
+"""The outcome of a record: the numbers of a track at its end, and the flags of every track."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from palpate_engine.track_name import TrackName
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What the latest estimates of a track come to."""
+    """Numbers of a track by its latest estimates."""
 
     parameters: Mapping[str, UncertainValue]
     surface: UncertainValue
@@ -33,17 +33,19 @@ class _Numbers:
 
 
 def _covariance(model: ContactModel, details: Mapping[str, Any]) -> Floats | None:
-    """Covariance (k, k) of the parameters as the estimator reports it in its details; None where it does not."""
+    """Return the covariance (k, k) of the parameters by the estimator's details, 0 of those that were held fixed.
+
+    None where they have none.
+    """
     table = details.get("covariance")
     if not isinstance(table, Mapping):
         return None
-    matrix, names = np.array(table["matrix"], float), list(table["names"])
-    whole = np.zeros((len(model.parameters),) * 2)
-    places = [(i, names.index(p.name)) for i, p in enumerate(model.parameters) if p.name in names]
-    for i, a in places:
-        for j, b in places:
-            whole[i, j] = matrix[a, b]
-    return whole if np.isfinite(whole).all() else None
+    free_covariance, free_names = np.array(table["matrix"], float), list(table["names"])
+    free = [i for i, parameter in enumerate(model.parameters) if parameter.name in free_names]
+    rows = [free_names.index(model.parameters[i].name) for i in free]
+    covariance = np.zeros((len(model.parameters),) * 2)
+    covariance[np.ix_(free, free)] = free_covariance[np.ix_(rows, rows)]
+    return covariance if np.isfinite(covariance).all() else None
 
 
 def track_result(
@@ -77,38 +79,40 @@ def track_result(
         derived_values(model, numbers.parameters, _covariance(model, record.details)) if record.failure is None else (),
         record.details,
         record.report,
-        budget=tuple(_own_budget(numbers.parameters)),
+        budget=tuple(_estimator_budget(numbers.parameters)),
     )
 
 
-def _own_budget(parameters: Mapping[str, UncertainValue]) -> Iterator[BudgetRow]:
-    """What the estimator says itself, and what is left of the way to rest."""
-    yield BudgetRow("estimator", None, "", {name: found.effect(found.std) for name, found in parameters.items()})
-    if any(found.settling for found in parameters.values()):
-        rest = {name: found.effect(found.settling) for name, found in parameters.items()}
-        yield BudgetRow("settling", None, "", rest)
+def _estimator_budget(parameters: Mapping[str, UncertainValue]) -> Iterator[BudgetRow]:
+    """Yield the rows of the estimator's own uncertainty, and of what its values may still move."""
+    yield BudgetRow("estimator", None, "", {name: value.effect(value.std) for name, value in parameters.items()})
+    if any(value.settling for value in parameters.values()):
+        effects = {name: value.effect(value.settling) for name, value in parameters.items()}
+        yield BudgetRow("settling", None, "", effects)
 
 
 def _no_numbers(model: ContactModel) -> _Numbers:
-    nothing = float("nan")
-    parameters = {parameter.name: UncertainValue(nothing, nothing, parameter.unit) for parameter in model.parameters}
-    return _Numbers(parameters, UncertainValue(nothing, nothing, "m"), nothing, nothing)
+    """Return the numbers of a track without usable estimates: NaN."""
+    parameters = {parameter.name: UncertainValue(math.nan, math.nan, parameter.unit) for parameter in model.parameters}
+    return _Numbers(parameters, UncertainValue(math.nan, math.nan, "m"), math.nan, math.nan)
 
 
 def _numbers(
     model: ContactModel, record: TrackRecord, tail: Tail, last: Tail, settings: AlignmentSettings, online: bool
 ) -> _Numbers:
+    """Return the numbers of a track: means over its `last` seconds, and what the `tail` may still move."""
     values, std = last.mean(last.values).tolist(), last.std[-1].tolist()
-    # What is left of the way to rest lies between nothing and this: a rectangular distribution.
+    # A value moves on by anything between 0 and its estimated way to rest: a rectangular distribution, whose standard
+    # deviation is its half width over sqrt(3) (GUM 4.3.7).
     tracked = record.tracked if online and not record.is_sweep else 0.0
     settling = (tail.unsettled(tail.values, tracked) / math.sqrt(3)).tolist()
-    way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
-    parameters = {
-        p.name: UncertainValue(values[i], std[i], p.unit, settling[i]) for i, p in enumerate(model.parameters)
-    }
-    surface = UncertainValue(float(last.mean(last.surface)), float(last.surface_std[-1]), "m", way)
-    seen = last.nis[np.isfinite(last.nis)]
-    nis = float(seen.mean()) if len(seen) else float("nan")
+    surface_settling = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
+    parameters: dict[str, UncertainValue] = {}
+    for i, parameter in enumerate(model.parameters):
+        parameters[parameter.name] = UncertainValue(values[i], std[i], parameter.unit, settling[i])
+    surface = UncertainValue(float(last.mean(last.surface)), float(last.surface_std[-1]), "m", surface_settling)
+    finite_nis = last.nis[np.isfinite(last.nis)]
+    nis = float(finite_nis.mean()) if len(finite_nis) else math.nan
     return _Numbers(parameters, surface, last.force_rms(settings.tip_mass or 0.0), nis)
 
 
@@ -122,6 +126,6 @@ def stream_tables(report: AlignmentReport) -> dict[str, Any]:
 
 
 def record_flags(report: AlignmentReport, settings: AlignmentSettings, interrupted: str | None) -> tuple[Flag, ...]:
-    """Flags that concern every track."""
-    ended = [Flag("interrupted", interrupted)] if interrupted else []
-    return (*ended, *alignment_flags(report, settings))
+    """Return the flags that concern every track."""
+    interruption = [Flag("interrupted", interrupted)] if interrupted else []
+    return (*interruption, *alignment_flags(report, settings))

@@ -1,4 +1,4 @@
-"""What is kept of a track while it runs: counts over the whole run, and the last few seconds in full."""
+"""The record of a track while it runs: counts over the whole run, and the last few seconds in full."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from palpate.vectors import Floats
 from palpate_engine.result.sample_keeper import Keeper
 from palpate_engine.result.track_result import TrackSummary
 
-SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep
+SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep; a choice
 
 
 @dataclass
@@ -29,8 +29,8 @@ class TrackRecord:
     nanoseconds: int = 0  # tracked [ns]; whole numbers add up to the same sum in any order
     seconds: float = 0.0  # of computing
     marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
-    details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block that had any
-    report: FitReport | None = None  # of the latest block that had one
+    details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block with details
+    report: FitReport | None = None  # of the latest block with one
     timing_included: bool = False
     flags: tuple[Flag, ...] = ()  # that the estimator itself raised
     failure: Flag | None = None  # why the track ended before the record did
@@ -48,9 +48,12 @@ class TrackRecord:
         self.report = estimates.report or self.report
         self.timing_included |= estimates.timing_included
         self.flags += tuple(flag for flag in estimates.flags if flag not in self.flags)
-        seen = int(np.bitwise_or.reduce(estimates.status, initial=0))
-        for mark in Status if seen else ():
-            self.marks[mark] += int(np.count_nonzero(estimates.status & mark)) if seen & mark else 0
+        present = int(np.bitwise_or.reduce(estimates.status, initial=0))
+        for mark in Status:
+            if present & mark:
+                self.marks[mark] += int(np.count_nonzero(estimates.status & mark))
+
+        # Counts of the samples that have an estimate.
         tracked = (estimates.status & Status.IDLE) == 0
         count = int(np.count_nonzero(tracked))
         if not count:
@@ -58,17 +61,18 @@ class TrackRecord:
         rows: Any = tracked if count < len(tracked) else slice(None)
         self.samples += count
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
-        self._goes_along(samples.lateral[rows])
-        found = estimates
-        until = float(samples.time[len(tracked) - 1 - int(np.argmax(tracked[::-1]))])
-        tracked &= samples.time >= until - self.keep  # what is older would be forgotten at once
+        self._extend_range(samples.lateral[rows])
+
+        # The tail; older samples of the block would be dropped at once.
+        end = float(samples.time[len(tracked) - 1 - int(np.argmax(tracked[::-1]))])
+        tracked &= samples.time >= end - self.keep
         begin = int(np.argmax(tracked))
         rows = slice(begin, None) if tracked[begin:].all() else tracked
-        columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)
-        kept = [column[rows] for column in (*measured, *columns)]
-        self._blocks.append(Tail(*kept))
-        self._forget(until - self.keep)
+        estimated = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
+        predicted = (estimates.force, estimates.nis, estimates.innovation)
+        self._blocks.append(Tail(*(column[rows] for column in (*measured, *estimated, *predicted))))
+        self._drop_before(end - self.keep)
 
     def _summarise(self, samples: Samples, estimates: Estimates) -> None:
         """Let every summary take in a block; one that raises is dropped, with a flag that names it and the place."""
@@ -81,14 +85,14 @@ class TrackRecord:
                 del self.summaries[name]
                 self.flags += (Flag("diagnosis-failed", f"summary {name}: {error_in(error)}"),)
 
-    def _goes_along(self, place: Floats) -> None:
-        """Take note of the least and the largest of places (n, 2) that are known."""
+    def _extend_range(self, place: Floats) -> None:
+        """Take note of the least and the largest of places (n, 2) [m] that are known."""
         with np.errstate(invalid="ignore"):
-            edges = np.array([[extreme.reduce(one) for one in place.T] for extreme in (np.fmin, np.fmax)])
+            limits = np.array([np.fmin.reduce(place, axis=0), np.fmax.reduce(place, axis=0)])
         if self._lateral is not None:
-            edges = np.array([np.fmin(edges[0], self._lateral[0]), np.fmax(edges[1], self._lateral[1])])
-        if np.isfinite(edges).any():
-            self._lateral = edges
+            limits = np.array([np.fmin(limits[0], self._lateral[0]), np.fmax(limits[1], self._lateral[1])])
+        if np.isfinite(limits).any():
+            self._lateral = limits
 
     @property
     def held(self) -> frozenset[str]:
@@ -103,15 +107,16 @@ class TrackRecord:
 
     @property
     def tracked(self) -> float:
-        """How long the track has tracked [s]."""
+        """Time [s] of all tracked samples together."""
         return self.nanoseconds / 1e9
 
-    def _forget(self, before: float) -> None:
-        while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:
+    def _drop_before(self, time: float) -> None:
+        """Drop the blocks of the tail that end before a time [s]."""
+        while len(self._blocks) > 1 and self._blocks[0].time[-1] < time:
             self._blocks.pop(0)
 
     def ends(self, average: float) -> tuple[Tail, Tail] | None:
-        """Return the tail, and of it the last so many seconds; None without usable numbers."""
+        """Return the tail, and its last `average` [s]; None without usable numbers."""
         tail = self.tail
         if tail is None or self.marks[Status.DIVERGED] or self.failure is not None:
             return None

@@ -1,4 +1,4 @@
-"""What one track found, as it stands in ``result.json``."""
+"""The result of one track, as in ``result.json``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from palpate_engine.result.track_comparison import TrackComparison, distances
 
 @dataclass(frozen=True)
 class TrackResult:
-    """What one track found."""
+    """The result of one track: its values with their uncertainties, flags and verdicts."""
 
     model: str
     estimator: str
@@ -33,10 +33,10 @@ class TrackResult:
     flags: tuple[Flag, ...]
     seconds_per_sample: float
     derived: tuple[DerivedValue, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
+    details: Mapping[str, Any] = field(default_factory=dict)  # of the estimator, beyond its numbers
     report: FitReport | None = None  # of an offline fit that was made
     budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
-    diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
+    diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # tables of diagnoses, by name
     verdict: str = "good"  # that of its elasticity; without one the worst of its values with a number
     immaterial: tuple[Flag, ...] = ()  # that can move no value beyond its uncertainty
     conditions: tuple[Condition, ...] = ()  # open facts; once judged, those that matter
@@ -48,70 +48,80 @@ class TrackResult:
         return self.verdict != "invalid"
 
     def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
-        """Return the result with the flags that matter, and its verdicts; flags of the record (judged) concern every
-        track."""
+        """Return the result with the flags that matter, and its verdicts.
+
+        Flags of the record, judged already, concern every track.
+        """
+        # Each parameter by its flags, open facts and uncertainty, and by the record.
         free = self.free
-        flags = [*self.flags, *self._without_value(registry)]
-        weighed = weigh(flags, free, registry, self.conditions)
-        every = verdict(of_record)
-        common = every if every in ("doubtful", "invalid") else "good"
-        by_value = {name: _worse(common, own) for name, own in weighed.by_value.items()}
-        row = _of_row(by_value) or verdict_word(verdict((*of_record, *weighed.findings)))
-        of_all = {**free, **{value.name: value.found for value in self.derived}}
-        derived = weigh((), {value.name: value.found for value in self.derived}, registry, self.conditions).by_value
-        follows = {name: _worse(_doubt(row), own) for name, own in derived.items()}
+        weighed = weigh([*self.flags, *self._no_estimate_flag(registry)], free, registry, self.conditions)
+        record_word = verdict(of_record)
+        record_verdict = record_word if record_word in ("doubtful", "invalid") else "good"
+        by_parameter = {name: _worse(record_verdict, word) for name, word in weighed.by_value.items()}
+        track_verdict = _track_verdict(by_parameter) or verdict_word(verdict((*of_record, *weighed.findings)))
+
+        # Each value that follows from the parameters, no better than the track.
+        derived_values = {value.name: value.found for value in self.derived}
+        by_derived = weigh((), derived_values, registry, self.conditions).by_value
+        by_derived = {name: _worse(_as_doubt(track_verdict), word) for name, word in by_derived.items()}
+
+        parameters = {
+            name: replace(value, verdict=by_parameter.get(name, record_verdict))
+            for name, value in self.parameters.items()
+        }
+        derived = [replace(value, found=replace(value.found, verdict=by_derived[value.name])) for value in self.derived]
+        every_value = {**free, **derived_values}
+        if track_verdict != "invalid":
+            track_verdict = _chief_verdict({**by_derived, **by_parameter}, track_verdict)
         return replace(
             self,
-            parameters={
-                name: replace(value, verdict=by_value.get(name, common)) for name, value in self.parameters.items()
-            },
-            derived=tuple(
-                replace(value, found=replace(value.found, verdict=follows[value.name])) for value in self.derived
-            ),
+            parameters=parameters,
+            derived=tuple(derived),
             flags=weighed.findings,
             immaterial=weighed.immaterial,
-            conditions=tuple(one for one in self.conditions if one.matters(of_all)),
-            verdict=row if row == "invalid" else _chief({**follows, **by_value}, row),
+            conditions=tuple(condition for condition in self.conditions if condition.matters(every_value)),
+            verdict=track_verdict,
         )
 
     @property
     def free(self) -> Mapping[str, UncertainValue]:
         """The parameters that were estimated, and not held fixed."""
         unknowns = self.report.unknowns if self.report else {}
-        return {n: value for n, value in self.parameters.items() if n not in unknowns or unknowns[n].free}
+        fixed = {name for name, unknown in unknowns.items() if not unknown.free}
+        return {name: value for name, value in self.parameters.items() if name not in fixed}
 
     @property
-    def _every(self) -> Mapping[str, UncertainValue]:
-        """All values, those that follow from the parameters too."""
+    def _all_values(self) -> Mapping[str, UncertainValue]:
+        """Parameters and values that follow from them."""
         return {**self.parameters, **{value.name: value.found for value in self.derived}}
 
     def against(self, truth: Mapping[str, float]) -> TrackResult:
         """Return the result with the distances of its values from a truth [SI], where it is compared."""
         if self.comparison is None or not self.usable:
             return self
-        return replace(self, comparison=replace(self.comparison, distances=distances(self._every, truth)))
+        return replace(self, comparison=replace(self.comparison, distances=distances(self._all_values, truth)))
 
-    def _without_value(self, registry: Registry) -> Iterator[Flag]:
-        """Yield a track without any number, of which nothing else says why."""
-        lost = self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values())
-        if lost and verdict(registry.judged(self.flags)) != "invalid":
+    def _no_estimate_flag(self, registry: Registry) -> Iterator[Flag]:
+        """Yield a flag for a track without any number, unless another flag says why."""
+        has_number = any(math.isfinite(value.value) for value in self.parameters.values())
+        if self.parameters and not has_number and verdict(registry.judged(self.flags)) != "invalid":
             yield Flag("no-estimate", "the track never had a value")
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
+        """Return the table of the track in ``result.json``."""
         return {
             "model": self.model,
             "estimator": self.estimator,
             "verdict": self.verdict,
             "samples": self.samples,
-            "parameters": {name: found.table() for name, found in self.parameters.items()},
+            "parameters": {name: value.table() for name, value in self.parameters.items()},
             "derived": {value.name: value.table() for value in self.derived},
             "surface": self.surface.table(),
             "force_rms": finite(self.force_rms),
             "nis": finite(self.nis),
             "budget": [finite_tree(asdict(row)) for row in self.budget],
             "flags": [flag.table() for flag in self.flags],
-            "conditions": [one.table(self._every) for one in self.conditions],
+            "conditions": [condition.table(self._all_values) for condition in self.conditions],
             **({"immaterial": [flag.table() for flag in self.immaterial]} if self.immaterial else {}),
             "seconds_per_sample": self.seconds_per_sample,
             **({"comparison": self.comparison.table()} if self.comparison else {}),
@@ -121,46 +131,54 @@ class TrackResult:
         }
 
 
-def _chief(by_value: Mapping[str, str], worst: str) -> str:
+def _chief_verdict(by_value: Mapping[str, str], worst: str) -> str:
     """Return the verdict of the elasticity, a doubt where that alone is void; without one the worst of all."""
     word = by_value.get("elasticity", worst)
     return "doubtful" if word == "invalid" else word
 
 
-def _of_row(by_value: Mapping[str, str]) -> str:
-    """Of a track: the worst of the values that have a number; where none has, why not; empty without values."""
-    settled = [own for own in by_value.values() if own in VERDICTS]
-    if not settled:
+def _track_verdict(by_value: Mapping[str, str]) -> str:
+    """Return the verdict of a track: the worst of the values with a number.
+
+    Where no value has a number, the word of the first; empty without values.
+    """
+    words = [word for word in by_value.values() if word in VERDICTS]
+    if not words:
         return next(iter(by_value.values()), "")
-    if all(own == "invalid" for own in by_value.values()):
+    if all(word == "invalid" for word in by_value.values()):
         return "invalid"
-    return max(map(_doubt, settled), key=_rank)
+    return max(map(_as_doubt, words), key=_rank)
 
 
-def _doubt(word: str) -> str:
-    """What a verdict of one value is worth for others: a doubt where that value is void."""
-    return "doubtful" if word == "invalid" else word if word in VERDICTS else "good"
+def _as_doubt(word: str) -> str:
+    """Return the verdict that one value gives to others: a doubt where it is void, good where it has no number."""
+    if word == "invalid":
+        return "doubtful"
+    return word if word in VERDICTS else "good"
 
 
 def _rank(word: str) -> int:
-    """Return the higher the worse; a value without a number counts as a good one."""
+    """Return the rank of a verdict, the higher the worse; a value without a number counts as a good one."""
     return VERDICTS.index(word) if word in VERDICTS else 0
 
 
-def _worse(common: str, own: str) -> str:
-    """Return the verdict of a value of its own, on a record of another."""
-    if common == "invalid" or own in VERDICTS:
-        return max(common, own, key=_rank)
-    return own
+def _worse(record_verdict: str, word: str) -> str:
+    """Return the word of a value on a record with a verdict: the worse of both.
+
+    A value without a number keeps its word, unless the record is invalid.
+    """
+    if record_verdict == "invalid" or word in VERDICTS:
+        return max(record_verdict, word, key=_rank)
+    return word
 
 
 class TrackSummary(Protocol):
-    """What the function of a `palpate.Summary` answers for each track: it takes in blocks and has the last word."""
+    """A summary of a track, made by the function of a `palpate.Summary`: it takes in blocks and has the last word."""
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """Take in a block; the same comes of it however a record is cut into blocks."""
         ...
 
     def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
-        """What the result becomes when the run has ended; `is_sweep`: the tip went along the surface."""
+        """Return the result at the end of the run; `is_sweep`: the tip went along the surface."""
         ...
