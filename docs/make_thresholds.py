@@ -11,19 +11,45 @@ PACKAGES = ("palpate_uncertainty", "palpate_engine.result")
 _HEAD = """# Thresholds
 
 Here you can look up each number that decides a verdict or enters an uncertainty: its value, and what it decides.
-The page is made from the constants of `palpate_uncertainty` and `palpate_engine.result`. A number comes from a law or a
-measurement, which its line or a [decision](../decisions/README.md) names, or is a choice. What an alternative of a fact
-is, such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see [facts](../rig-facts.md).
+The page is made from the constants of `palpate_uncertainty` and `palpate_engine.result`. A number without another
+origin is a choice, whose rates of error stand in [decisions](../decisions/README.md). What an alternative of a fact is,
+such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see [facts](../rig-facts.md).
 """
+# Words of a comment by which a number has another origin than a choice.
+_LAW = r"\b(19|20)\d\d\b|\blaw of\b|\bequation\b|\beq\. \d|\bnormal noise\b|\brectangular distribution\b"
+_MEASUREMENT = r"(?<!not )\bby chance\b|\bof \d+ (tracks|values|records)\b|\boccurs\b|\bthe most of\b"
 
 
 class Threshold(NamedTuple):
-    """A constant of a module."""
+    """A constant of a module, with its comment."""
 
     module: str
     name: str
     value: str
-    meaning: str
+    comment: str
+
+    @property
+    def unit(self) -> str:
+        """The unit in brackets at the begin of the comment; empty where the number is a share or a count."""
+        match = re.match(r"(\[[^\]]+\](?:, \[[^\]]+\])*)", self.comment)
+        return match[1].replace("[", "").replace("]", "") if match else ""
+
+    @property
+    def meaning(self) -> str:
+        """What the number is of, without unit and origin."""
+        text = re.sub(r"^(\[[^\]]+\],? ?)+", "", self.comment)
+        return re.sub(r"[;,:]? ?\(?\ba choice\b(?: of \w+)?\)?|; the same$", "", text).strip(" ,;:")
+
+    @property
+    def origin(self) -> str:
+        """A law, a measurement or a choice; with the decision that the comment names."""
+        decision = re.search(r"\(?decision (\d{4})\)?", self.comment)
+        kind = "choice"
+        if re.search(_LAW, self.comment):
+            kind = "law"
+        elif re.search(_MEASUREMENT, self.comment):
+            kind = "measurement"
+        return f"{kind}, {decision[1]}" if decision else kind
 
 
 def thresholds(package: str) -> Iterator[Threshold]:
@@ -42,8 +68,8 @@ def _of_module(path: Path) -> Iterator[Threshold]:
             continue
         name = ast.unparse(node.targets[0]).strip("()")
         if re.fullmatch(r"[_A-Z0-9, ]+", name):
-            meaning = lines[node.end_lineno - 1].partition("#")[2].strip()
-            yield Threshold(path.stem, name.replace("_", " ").strip().lower(), ast.unparse(node.value), meaning)
+            comment = lines[node.end_lineno - 1].partition("#")[2].strip()
+            yield Threshold(path.stem, name.replace("_", " ").strip().lower(), ast.unparse(node.value), comment)
 
 
 def _is_number(value: ast.expr) -> bool:
@@ -60,11 +86,11 @@ def page() -> str:
         lines += [
             f"## {package}",
             "",
-            "| module | threshold | value | what it decides | origin |",
-            "|---|---|---|---|---|",
+            "| module | threshold | value | unit | of | origin |",
+            "|---|---|---|---|---|---|",
         ]
-        for one in thresholds(package):
-            meaning = one.meaning.replace("|", "/")
-            lines.append(f"| `{one.module}` | {one.name} | `{one.value}` | {meaning} |")
+        for row in thresholds(package):
+            meaning = row.meaning.replace("|", "/")
+            lines.append(f"| `{row.module}` | {row.name} | `{row.value}` | {row.unit} | {meaning} | {row.origin} |")
         lines.append("")
     return "\n".join(lines)

@@ -21,8 +21,8 @@ _MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
 _STRETCH_DURATION = 2.0  # [s] of a sweep
 _MIN_LIFT = 0.1  # [s] between two samples in contact: the tip was in the air
 # Choices: the distance of least squares, and the bound, that are part of the uncertainty, and those that are a flag.
-_FLAGGED_DISTANCE = 3.0  # [combined uncertainties]
-_COUNTED_DISTANCE = 1.0  # [combined uncertainties]
+_FLAGGED_DISTANCE = 3.0  # [combined uncertainties] between a value and its refit, beyond which it is doubted
+_COUNTED_DISTANCE = 1.0  # [combined uncertainties] the same, beyond which it enters the uncertainty
 _FLAGGED_BOUND_SHARE = 0.5  # of the bound, by a standard deviation; a filter that forgets is above it
 _COUNTED_BOUND_SHARE = 0.9  # of the bound, by a standard deviation
 _MAX_UNEVENNESS = 0.1  # of a value, between one stretch of the way and all of it
