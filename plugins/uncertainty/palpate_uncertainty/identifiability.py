@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_engine import display_unit
-from palpate_kit.numerics.normal_equations import scaled_inverse
 
-from palpate_uncertainty.model_alternatives import Refit, refit
-from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
+from palpate_uncertainty.information_bound import bounds_of_refit
+from palpate_uncertainty.model_alternatives import refit
+from palpate_uncertainty.refit import APART, make_course, possible, sweeps
 
 # Choices of the samples that are judged.
 _MIN_SAMPLES = 300  # in contact, for a judgement
-_MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
 _STRETCH_DURATION = 2.0  # [s] of a sweep
 _MIN_LIFT = 0.1  # [s] between two samples in contact: the tip was in the air
 # Choices: the distance of least squares, and the bound, that are part of the uncertainty, and those that are a flag.
@@ -27,14 +27,38 @@ _FLAGGED_BOUND_SHARE = 0.5  # of the bound, by a standard deviation; a filter th
 _COUNTED_BOUND_SHARE = 0.9  # of the bound, by a standard deviation
 _MAX_UNEVENNESS = 0.1  # of a value, between one stretch of the way and all of it
 _INDISTINCT_CORRELATION = 0.998  # beyond which one of two could be 15 times better known if the other were
-_DIFFERENCE = 1e-4  # of a value, for slopes by differences
+_MAX_BIAS_SHARE = 0.5  # of a predicted bias, up to which least squares shows that a value has none
 # What a filter went through, where least squares shows how far it has come out.
 _BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
 
 
+@dataclass(frozen=True)
+class _RefitComparison:
+    """Least squares on the samples of an estimator, against its values (k,)."""
+
+    names: list[str]
+    estimate: Floats  # (k,) by least squares
+    distance: Floats  # (k,) of the estimator's values from it
+    bound: Floats  # (k,) Cramer-Rao bound of a standard deviation
+    correlation: Floats  # (k + 1, k + 1) of parameters and surface
+    without_effect: list[str]  # names of parameters on which the force does not depend
+    is_free: NDArray[np.bool_]  # (k,) True for values that were estimated
+
+    @classmethod
+    def of(cls, track: TrackEvidence) -> _RefitComparison:
+        """Fit by least squares, beginning at the estimate."""
+        course = make_course(track, track.kept.used)
+        best = refit(course, track.values, track.surface)
+        bound, correlation, without_effect = bounds_of_refit(course, best)
+        names = [parameter.name for parameter in track.model.parameters]
+        distance = np.abs(best.theta - track.values)
+        is_free = np.isfinite(track.combined) & (track.std > 0)
+        return cls(names, best.theta, distance, bound, correlation, without_effect, is_free)
+
+
 def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on all tracks that were estimated as they came, or smoothed; a fit judges itself.
+    """Return the findings on all tracks that were estimated as they came, or smoothed; a fit judges itself.
 
     Least squares from the estimate, over the samples that the estimator used, must lead to a place within its
     uncertainty; and no standard deviation can be below the Cramer-Rao bound sigma^2 (J^T J)^-1 there, J the slopes of
@@ -43,173 +67,167 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     bound for what is below 0.9 of it. On a sweep this holds for every stretch of the way, of an estimator that looks
     for one value.
     """
-    found = {}
+    findings = {}
     for track in tracks:
-        enough = np.count_nonzero(track.kept.used) >= _MIN_SAMPLES
-        if track.report is None and enough and possible(track) and not track.estimator.follows_changes:
+        has_samples = np.count_nonzero(track.kept.used) >= _MIN_SAMPLES
+        if track.report is None and has_samples and possible(track) and not track.estimator.follows_changes:
             try:
-                found[track.name] = _along_the_way(track) if sweeps(track) else _judge(track)
+                findings[track.name] = _judge_sweep(track) if sweeps(track) else _judge_point(track)
             except ValueError:  # the model has no force at numbers that far off, which other flags say
                 continue
-    return found
+    return findings
 
 
-def _judge(track: TrackEvidence) -> Diagnosed:
-    names = [parameter.name for parameter in track.model.parameters]
-    course = make_course(track, track.kept.used)
-    best = refit(course, track.values, track.surface)
-    bound, correlation, blind = _bounds(course, best)
-    away = np.abs(best.theta - track.values)
-    free = np.isfinite(track.combined) & (track.std > 0)
-    elsewhere = (
-        free & (away > _FLAGGED_DISTANCE * track.combined) & (away > _FLAGGED_DISTANCE * np.minimum(bound, away))
-    )
-    short = free & (track.std < _FLAGGED_BOUND_SHARE * bound)
-    terms = np.where(elsewhere | (free & (away > _COUNTED_DISTANCE * track.combined)), away, 0.0)
-    lacks = np.where(free & (track.std < _COUNTED_BOUND_SHARE * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
-    terms = np.hypot(terms, np.sqrt(lacks))
-    left = {
-        name: float(np.hypot(_apart(track, name, best.theta[i]), np.sqrt(lacks[i]))) for i, name in enumerate(names)
-    }
+def _judge_point(track: TrackEvidence) -> Diagnosed:
+    """Return what least squares and the Cramer-Rao bound add to the uncertainty of one value for each parameter."""
+    comparison = _RefitComparison.of(track)
+    names, distance, bound, is_free = comparison.names, comparison.distance, comparison.bound, comparison.is_free
+
+    # The distance of least squares, from one combined uncertainty on.
+    is_elsewhere = is_free & (distance > _FLAGGED_DISTANCE * track.combined)
+    is_elsewhere &= distance > _FLAGGED_DISTANCE * np.minimum(bound, distance)
+    is_counted = is_elsewhere | (is_free & (distance > _COUNTED_DISTANCE * track.combined))
+    distance_term = np.where(is_counted, distance, 0.0)
+
+    # The part of the bound that a standard deviation lacks.
+    is_short = is_free & (track.std < _FLAGGED_BOUND_SHARE * bound)
+    missing_variance = np.maximum(bound**2 - track.std**2, 0.0)
+    lack = np.sqrt(np.where(is_free & (track.std < _COUNTED_BOUND_SHARE * bound), missing_variance, 0.0))
+
     flags = []
-    if elsewhere.any():
-        said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
-        text = f"least squares on the same samples finds {', '.join(said)}"
-        effects = dict(zip(names, np.where(elsewhere, away, 0.0).tolist(), strict=True))
-        flags.append(Flag("elsewhere", text, effects=effects))
-    if short.any() or blind:
-        said = [
-            _percent(names[i], float(track.values[i]), float(track.std[i]), float(bound[i]))
-            for i in np.flatnonzero(short)
-        ]
-        said += [f"{name} has no effect on the force" for name in blind]
-        pairs = _pairs(names, correlation)
-        alike = f"; hard to distinguish: {', '.join(pairs)}" if pairs else ""
-        text = f"the estimator claims more than the record determines: {', '.join(said)}{alike}"
-        effects = dict(zip(names, np.where(short, np.sqrt(lacks), 0.0).tolist(), strict=True))
-        flags.append(Flag("overconfident", text, effects=effects | dict.fromkeys(blind, np.inf)))
+    if is_elsewhere.any():
+        flags.append(_elsewhere_flag(track, comparison, is_elsewhere))
+    if is_short.any() or comparison.without_effect:
+        flags.append(_overconfident_flag(track, comparison, is_short, lack))
+    terms = dict(zip(names, np.hypot(distance_term, lack).tolist(), strict=True))
+    # The same of the values that are corrected for a filter's bias.
+    remainders: dict[str, float] = {}
+    for i, name in enumerate(names):
+        corrected_distance = _corrected_distance(track, name, comparison.estimate[i])
+        remainders[name] = float(np.hypot(corrected_distance, lack[i]))
+    is_unbiased = all(_is_unbiased(track, name, comparison.estimate[i]) for i, name in enumerate(names))
     table: dict[str, Any] = {
-        "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
+        "least_squares": dict(zip(names, comparison.estimate.tolist(), strict=True)),
         "bound": dict(zip(names, bound.tolist(), strict=True)),
-        "pairs": _pairs(names, correlation),
-        "without_effect": blind,
+        "pairs": _indistinct_pairs(comparison),
+        "without_effect": comparison.without_effect,
     }
-    found = dict(zip(names, terms.tolist(), strict=True))
-    settled = _SETTLED | _BIAS if all(_unbiased(track, n, best.theta[i]) for i, n in enumerate(names)) else _SETTLED
-    return Diagnosed(tuple(flags), found, left=left, table=table, settles=settled)
+    settles = _SETTLED | _BIAS if is_unbiased else _SETTLED
+    return Diagnosed(tuple(flags), terms, left=remainders, table=table, settles=settles)
 
 
-def _unbiased(track: TrackEvidence, name: str, best: float) -> bool:
-    """True where least squares is nearer to a value than to the place by the predicted bias of a filter."""
-    found = track.found.get(name)
-    return found is None or found.bias is None or abs(best - found.value) < 0.5 * abs(found.bias.shift)
+def _elsewhere_flag(track: TrackEvidence, comparison: _RefitComparison, is_elsewhere: NDArray[np.bool_]) -> Flag:
+    """Return the flag of values that least squares contradicts."""
+    places: list[str] = []
+    for i in np.flatnonzero(is_elsewhere):
+        unit, scale = display_unit(track.model.parameters[i].unit)
+        estimate, value = scale * float(comparison.estimate[i]), scale * track.values[i]
+        places.append(f"{comparison.names[i]} {estimate:.4g} {unit} where it gives {value:.4g}")
+    effects = np.where(is_elsewhere, comparison.distance, 0.0).tolist()
+    text = f"least squares on the same samples finds {', '.join(places)}"
+    return Flag("elsewhere", text, effects=dict(zip(comparison.names, effects, strict=True)))
 
 
-def _apart(track: TrackEvidence, name: str, best: float) -> float:
-    """Distance of a corrected value from least squares, where that is more than one of its uncertainties; else 0."""
-    found = track.found.get(name)
-    corrected = found.corrected if found is not None else None
-    if found is None or corrected is None or found.bias is None:
+def _overconfident_flag(
+    track: TrackEvidence, comparison: _RefitComparison, is_short: NDArray[np.bool_], lack: Floats
+) -> Flag:
+    """Return the flag of standard deviations below the bound, and of parameters that the force does not depend on."""
+    claims: list[str] = []
+    for i in np.flatnonzero(is_short):
+        scale = 100.0 / max(abs(float(track.values[i])), 1e-300)  # per cent of the value
+        std, bound = scale * float(track.std[i]), scale * float(comparison.bound[i])
+        claims.append(f"{comparison.names[i]} to {std:.2g} % where {bound:.2g} % is the bound")
+    claims += [f"{name} has no effect on the force" for name in comparison.without_effect]
+    pairs = _indistinct_pairs(comparison)
+    indistinct = f"; hard to distinguish: {', '.join(pairs)}" if pairs else ""
+    effects = dict(zip(comparison.names, np.where(is_short, lack, 0.0).tolist(), strict=True))
+    effects |= dict.fromkeys(comparison.without_effect, np.inf)
+    text = f"the estimator claims more than the record determines: {', '.join(claims)}{indistinct}"
+    return Flag("overconfident", text, effects=effects)
+
+
+def _is_unbiased(track: TrackEvidence, name: str, estimate: float) -> bool:
+    """Return True if least squares is nearer to a value than to the place by the predicted bias of a filter."""
+    value = track.found.get(name)
+    if value is None or value.bias is None:
+        return True
+    return abs(estimate - value.value) < _MAX_BIAS_SHARE * abs(value.bias.shift)
+
+
+def _corrected_distance(track: TrackEvidence, name: str, estimate: float) -> float:
+    """Return the distance of a corrected value from least squares; 0 within one of its uncertainties."""
+    value = track.found.get(name)
+    if value is None or value.corrected is None or value.bias is None:
         return 0.0
-    away = abs(best - found.bias.shift * found.bias.shared - corrected.value)
-    return away if away > _COUNTED_DISTANCE * corrected.combined else 0.0
+    distance = abs(estimate - value.bias.shift * value.bias.shared - value.corrected.value)
+    return distance if distance > _COUNTED_DISTANCE * value.corrected.combined else 0.0
 
 
-def _slid(track: TrackEvidence) -> bool:
-    """True where the tip went sideways in contact, and not from site to site through the air."""
+def _slides(track: TrackEvidence) -> bool:
+    """Return True if the tip went sideways in contact, and not from site to site through the air."""
     time, place = track.kept.time[track.kept.used], track.kept.lateral[track.kept.used]
-    stays = np.split(place, np.flatnonzero(np.diff(time) > _MIN_LIFT) + 1)
-    return any(bool(np.max(np.ptp(stay, axis=0)) > APART) for stay in stays if len(stay))
+    contacts = np.split(place, np.flatnonzero(np.diff(time) > _MIN_LIFT) + 1)
+    return any(bool(np.max(np.ptp(contact, axis=0)) > APART) for contact in contacts if len(contact))
 
 
-def _along_the_way(track: TrackEvidence) -> Diagnosed:
-    """Return the flag where the one value of an estimator that does not follow changes fails on a stretch of a
-    sweep."""
-    if not _slid(track):
+def _judge_sweep(track: TrackEvidence) -> Diagnosed:
+    """Return the flag where the one value of an estimator fails on a stretch of a sweep."""
+    if not _slides(track):
         return Diagnosed()
+    distance, bound = _stretches(track)
+    if not len(distance):
+        return Diagnosed()
+    names = [parameter.name for parameter in track.model.parameters]
+    low, high = track.values + distance.min(axis=0), track.values + distance.max(axis=0)
+    table = {"stretches": {name: [float(low[i]), float(high[i])] for i, name in enumerate(names)}}
+
+    # Elastic values that differ on a stretch by more than both uncertainties, and by a tenth.
+    is_wrong = np.isfinite(track.combined) & (track.std > 0)
+    is_wrong = is_wrong & (np.abs(distance) > _FLAGGED_DISTANCE * np.hypot(bound, track.combined))
+    is_wrong &= np.abs(distance) > _MAX_UNEVENNESS * np.abs(track.values)
+    is_elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
+    is_uneven = is_wrong.any(axis=0) & is_elastic
+    if not is_uneven.any():
+        return Diagnosed(table=table)
+    ranges: list[str] = []
+    for i in np.flatnonzero(is_uneven):
+        unit, scale = display_unit(track.model.parameters[i].unit)
+        one_value = f"{scale * track.values[i]:.4g}"
+        ranges.append(
+            f"{names[i]} of {scale * low[i]:.4g} to {scale * high[i]:.4g} {unit} where its one value is {one_value}"
+        )
+    terms = np.where(is_uneven, np.sqrt(np.mean(distance**2, axis=0)), 0.0)
+    effects = dict(zip(names, terms.tolist(), strict=True))
+    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(ranges)}", effects=effects)
+    return Diagnosed((flag,), dict(effects), table=table)
+
+
+def _stretches(track: TrackEvidence) -> tuple[Floats, Floats]:
+    """Return least squares less the values (m, k), and their bounds (m, k), on each stretch of a sweep."""
     course = make_course(track, track.kept.used)
     rows = np.flatnonzero(course.used)
-    since = course.time[rows] - course.time[rows[0]]
-    places = np.minimum((since / _STRETCH_DURATION).astype(int), max(int(since[-1] / _STRETCH_DURATION) - 1, 0))
-    away, bounds = [], []
-    for place in np.unique(places):
-        here = np.zeros(len(course.used), bool)
-        here[rows[places == place]] = True
-        if np.count_nonzero(here) < _MIN_SAMPLES:
+    elapsed = course.time[rows] - course.time[rows[0]]
+    last = max(int(elapsed[-1] / _STRETCH_DURATION) - 1, 0)  # takes what remains of the time
+    stretches = np.minimum((elapsed / _STRETCH_DURATION).astype(int), last)
+    distances, bounds = [], []
+    for number in np.unique(stretches):
+        used = np.zeros(len(course.used), bool)
+        used[rows[stretches == number]] = True
+        if np.count_nonzero(used) < _MIN_SAMPLES:
             continue
-        local = refit(replace(course, used=here), track.values, track.surface)
-        away.append(local.theta - track.values)
-        bounds.append(_bounds(replace(course, used=here), local)[0])
-    if not away:
-        return Diagnosed()
-    names = [parameter.name for parameter in track.model.parameters]
-    found, unsure = np.array(away), np.hypot(np.array(bounds), track.combined)
-    sure = np.isfinite(track.combined) & (track.std > 0) & (np.abs(found) > _FLAGGED_DISTANCE * unsure)
-    sure &= np.abs(found) > _MAX_UNEVENNESS * np.abs(track.values)
-    elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
-    wrong = sure.any(axis=0) & elastic
-    low, high = (track.values + end(found, axis=0) for end in (np.min, np.max))
-    table = {name: [float(low[i]), float(high[i])] for i, name in enumerate(names)}
-    if not wrong.any():
-        return Diagnosed(table={"stretches": table})
-    said = [
-        f"{names[i]} of {scale * low[i]:.4g} to {scale * high[i]:.4g} {unit} where its one value is "
-        f"{scale * track.values[i]:.4g}"
-        for i in np.flatnonzero(wrong)
-        for unit, scale in [display_unit(track.model.parameters[i].unit)]
-    ]
-    terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
-    effects = dict(zip(names, terms.tolist(), strict=True))
-    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}", effects=effects)
-    return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
+        stretch = replace(course, used=used)
+        best = refit(stretch, track.values, track.surface)
+        distances.append(best.theta - track.values)
+        bounds.append(bounds_of_refit(stretch, best)[0])
+    return np.array(distances), np.array(bounds)
 
 
-def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
-    unit, scale = display_unit(track.model.parameters[i].unit)
-    return f"{names[i]} {scale * value:.4g} {unit} where it gives {scale * track.values[i]:.4g}"
-
-
-def _percent(name: str, value: float, std: float, bound: float) -> str:
-    scale = 100.0 / max(abs(value), 1e-300)
-    return f"{name} to {scale * std:.2g} % where {scale * bound:.2g} % is the bound"
-
-
-def _pairs(names: list[str], correlation: Floats) -> list[str]:
-    known = [*names, "surface"]
-    found = []
-    for i, j in combinations(range(len(known)), 2):
-        if abs(correlation[i, j]) > _INDISTINCT_CORRELATION:
-            found.append(f"{known[i]} and {known[j]} ({correlation[i, j]:+.4f})")
-    return found
-
-
-def _bounds(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
-    """Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and what has no effect on the force."""
-    small = course if course.model.memory else course.reduced(_MAX_SAMPLES)
-    slopes = _slopes(small, best)[small.used]
-    slopes = slopes[np.isfinite(slopes).all(axis=1)]
-    has_effect = np.linalg.norm(slopes, axis=0) > 0
-    inverse = scaled_inverse(slopes.T @ slopes)
-    variance = np.maximum(np.diag(inverse), 0.0)
-    spread = np.sqrt(np.where(variance > 0, variance, 1.0))
-    count = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)  # samples that each of these stands for
-    noise = float(np.std(best.residual)) / np.sqrt(count)
-    k = len(best.theta)
-    sizes = np.where(best.theta != 0, np.abs(best.theta), 1.0)
-    bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * sizes
-    names = [parameter.name for parameter in course.model.parameters]
-    blind = [name for name, shows in zip(names, has_effect[:k].tolist(), strict=True) if not shows]
-    return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), blind
-
-
-def _slopes(course: Course, best: Refit) -> Floats:
-    """Slopes (n, k + 1) of the force in relative changes of the parameters, and in the surface [mm]."""
-    columns = []
-    for i, value in enumerate(best.theta):
-        step = np.zeros_like(best.theta)
-        step[i] = _DIFFERENCE * (abs(float(value)) or 1.0)
-        ahead, back = (course.forces(best.theta + sign * step, best.surface) for sign in (1.0, -1.0))
-        columns.append((ahead - back) / (2.0 * _DIFFERENCE))
-    ahead, back = (course.forces(best.theta, best.surface + sign * 1e-6) for sign in (1.0, -1.0))
-    columns.append((ahead - back) / 2e-3)
-    return np.column_stack(columns)
+def _indistinct_pairs(comparison: _RefitComparison) -> list[str]:
+    """Return the pairs of parameters, or of one and the surface, that nearly move the force alike."""
+    names = [*comparison.names, "surface"]
+    pairs = []
+    for i, j in combinations(range(len(names)), 2):
+        correlation = comparison.correlation[i, j]
+        if abs(correlation) > _INDISTINCT_CORRELATION:
+            pairs.append(f"{names[i]} and {names[j]} ({correlation:+.4f})")
+    return pairs

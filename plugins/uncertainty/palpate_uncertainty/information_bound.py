@@ -1,4 +1,4 @@
-"""Bounds from the end of a track: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
+"""Bounds of a track: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
 
 from __future__ import annotations
 
@@ -6,66 +6,120 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, SampleStore, Tail
 from palpate_engine import force_slopes, hesitations
-from palpate_kit.numerics.normal_equations import standard_errors
+from palpate_kit.numerics.normal_equations import scaled_inverse, standard_errors
 
-_MIN_INNOVATIONS = 100  # innovations to estimate their autocorrelation
-_FADING_RATIO = 0.96  # of the variance that an estimator stated half a tail ago
+from palpate_uncertainty.model_alternatives import Refit
+from palpate_uncertainty.refit import Course
+
+_MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
+_DIFFERENCE = 1e-4  # of a value, for slopes by differences
+_DEPTH_DIFFERENCE = 1e-6  # [m] of the surface, for a slope by differences
+_SURFACE_UNIT = 1e-3  # [m] in which the slope in the surface is taken: of the size of relative changes of a value
+_MIN_INNOVATIONS = 100  # innovations to estimate their autocorrelation; a choice
+_MAX_LAG = 10  # samples of that autocorrelation; a choice
+_MIN_TAIL = 10  # samples of a tail, for a slope; a choice
+_FADING_RATIO = 0.96  # of the variance half a tail ago, above which an estimator does not learn: a choice
 
 
 def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: float, samples: int) -> Floats:
-    """Least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
+    """Return the least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
 
     The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the kept samples, which
     stand for all. Not finite where they or the estimate at the tail say nothing, and for a model with memory.
     """
-    nothing = np.full(len(model.parameters), np.inf)
+    unbounded = np.full(len(model.parameters), np.inf)
     theta, used = tail.values[-1], kept.used
     depth, rate = float(tail.surface[-1]) - kept.position[used], -kept.velocity[used]
     rows = np.isfinite(depth) & np.isfinite(rate) & (depth > 0)
     if model.memory or not rows.any() or not np.isfinite(theta).all():
-        return nothing
+        return unbounded
     _, by_parameter, by_depth, _ = force_slopes(model, depth[rows], rate[rows], theta.tolist())
     slopes = np.column_stack([by_parameter, by_depth])
     if not (np.isfinite(slopes).all() and slopes.any(axis=0).all()):
-        return nothing
+        return unbounded
     return np.asarray(noise * standard_errors(slopes) / np.sqrt(samples / len(depth)))[:-1]
 
 
 def slope_by_chance(tail: Tail) -> Floats:
-    """Standard deviation (k,) [1/s] of the slope of estimates that have already settled.
+    """Return the standard deviation (k,) [1/s] of the slope of estimates that have already settled.
 
     An optimal estimate of a constant is a random walk whose variance grows by as much as its own std^2 falls. Where
     that does not fall, the filter forgets, and its walk shows in the steps of the values.
     """
     span = float(tail.time[-1] - tail.time[0])
-    if len(tail.time) < 10 or span <= 0:
+    if len(tail.time) < _MIN_TAIL or span <= 0:
         return np.zeros(tail.std.shape[1])
     early, late = (half.mean(axis=0) for half in np.array_split(tail.std**2, 2))
-    learnt = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span  # halves are half the span apart
-    return np.asarray(np.where(late < _FADING_RATIO * early, learnt, tail.slope_of_a_walk(tail.values)))
+    # The halves are half the span apart, so the variance of the walk over all of it is twice their difference; the
+    # variance of the slope of a line through a walk is 6/5 of that over the span squared.
+    walk_slope = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span
+    return np.asarray(np.where(late < _FADING_RATIO * early, walk_slope, tail.slope_of_a_walk(tail.values)))
 
 
 def white_noise(tail: Tail) -> float:
-    """Standard deviation [N] of white noise that would give the third differences of the measured force."""
+    """Return the standard deviation [N] of white noise that would give the third differences of the measured force."""
     third = np.diff(tail.force, 3)
     third = third[np.isfinite(third)]
-    return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
+    return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0  # (1 + 9 + 9 + 1) sigma^2
 
 
 def steady(tail: Tail) -> NDArray[np.bool_]:
-    """(n,) True for the samples of a tail that are in no hesitation of the arm."""
+    """Return True (n,) for the samples of a tail that are in no hesitation of the arm."""
     return ~hesitations(tail.time).hold(tail.time)
 
 
 def correlation(tail: Tail) -> tuple[int, float]:
-    """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
+    """Return lag [samples] and value of the largest autocorrelation of the innovations; (0, 0) of too few.
 
-    White innovations have none beyond 1/sqrt(n): what could not be predicted from the sample before (Mehra 1970).
+    White innovations have none beyond 1/sqrt(n): they cannot be predicted from the samples before (Mehra 1970).
     """
-    known = tail.innovation[np.isfinite(tail.innovation) & steady(tail)]
-    if len(known) < _MIN_INNOVATIONS:
+    innovation = tail.innovation[np.isfinite(tail.innovation) & steady(tail)]
+    if len(innovation) < _MIN_INNOVATIONS:
         return 0, 0.0
-    power = float((known**2).sum())
-    shares = [float((known[lag:] * known[:-lag]).sum()) / power for lag in range(1, 11)] if power > 0 else [0.0]
-    lag = int(np.argmax(np.abs(shares)))
-    return lag + 1, shares[lag]
+    power = float((innovation**2).sum())
+    correlations = [0.0]
+    if power > 0:
+        lags = range(1, _MAX_LAG + 1)
+        correlations = [float((innovation[lag:] * innovation[:-lag]).sum()) / power for lag in lags]
+    largest = int(np.argmax(np.abs(correlations)))
+    return largest + 1, correlations[largest]
+
+
+def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
+    """Return the Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and names without an effect.
+
+    The bound is infinite, written as 0, of a parameter on which the force does not depend.
+    """
+    reduced = course if course.model.memory else course.reduced(_MAX_SAMPLES)
+    slopes = _slopes(reduced, best)[reduced.used]
+    slopes = slopes[np.isfinite(slopes).all(axis=1)]
+    has_effect = np.linalg.norm(slopes, axis=0) > 0
+    inverse = scaled_inverse(slopes.T @ slopes)
+    variance = np.maximum(np.diag(inverse), 0.0)
+    spread = np.sqrt(np.where(variance > 0, variance, 1.0))
+
+    # Noise of one sample, for as many as each of the reduced ones stands for.
+    samples_each = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)
+    noise = float(np.std(best.residual)) / np.sqrt(samples_each)
+    k = len(best.theta)
+    size = np.where(best.theta != 0, np.abs(best.theta), 1.0)  # slopes are in relative changes
+    bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * size
+    names = [parameter.name for parameter in course.model.parameters]
+    without_effect = [name for name, has in zip(names, has_effect[:k].tolist(), strict=True) if not has]
+    return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), without_effect
+
+
+def _slopes(course: Course, best: Refit) -> Floats:
+    """Return slopes (n, k + 1) of the force in relative changes of the parameters, and in the surface [mm].
+
+    By central differences.
+    """
+    columns = []
+    for i, value in enumerate(best.theta):
+        step = np.zeros_like(best.theta)
+        step[i] = _DIFFERENCE * (abs(float(value)) or 1.0)
+        above, below = (course.forces(best.theta + sign * step, best.surface) for sign in (1.0, -1.0))
+        columns.append((above - below) / (2.0 * _DIFFERENCE))
+    above, below = (course.forces(best.theta, best.surface + sign * _DEPTH_DIFFERENCE) for sign in (1.0, -1.0))
+    columns.append((above - below) / (2.0 * _DEPTH_DIFFERENCE / _SURFACE_UNIT))
+    return np.column_stack(columns)

@@ -1,4 +1,4 @@
-"""Plausibility: whether what a track ends with can be an estimate: settled, consistent, within what is possible."""
+"""Plausibility: estimates at the end of a track are settled, consistent, and possible for soft material."""
 
 from __future__ import annotations
 
@@ -31,14 +31,17 @@ _MAX_AUTOCORRELATION = 0.3  # of innovations; 0.1 occurs by chance alone
 _WEAK_SWING = 5.0  # [standard deviations] of its noise that a force swings by: above, it is not tested
 _MAX_RELATIVE_BOUND = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _SOFT_RANGE = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
+_MIN_TAIL = 10  # samples of a tail, to judge whether it has settled; a choice
+_MIN_REMAINDER = 1e-3  # of 1 - r, for the effect of a correlation r near 1; a choice
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on each track, from the seconds that its result is a mean of."""
-    return {track.name: Diagnosed(_judged(track, track.ending)) for track in tracks if track.ending is not None}
+    """Return the findings on each track, from the seconds of which its result is a mean."""
+    return {track.name: Diagnosed(_flags(track, track.ending)) for track in tracks if track.ending is not None}
 
 
-def _judged(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
+def _flags(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
+    """Return the flags of the end of one track; one that names the error where its model raises."""
     try:
         return tuple(ending_flags(end, track.kept, track.model, track.estimator.online, track.report is not None))
     except Exception as error:  # of a model that cannot say more than its force: the other tracks are judged
@@ -46,7 +49,7 @@ def _judged(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
 
 
 def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
-    """Findings on the end of one track.
+    """Yield the flags of the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
     """
@@ -55,16 +58,16 @@ def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: 
     if online:
         yield from _convergence_flags(end, model)
     else:
-        begun = tail.since(float(tail.time[0]) + end.average)
-        yield from _innovation_flags(begun, model, last.std[-1], f"after the first {end.average:g} s")
-        yield from _colour_flags(begun, model, last.std[-1])
+        settled = tail.since(float(tail.time[0]) + end.average)
+        yield from _innovation_flags(settled, model, last.std[-1], f"after the first {end.average:g} s")
+        yield from _colour_flags(settled, model, last.std[-1])
     if not fitted:  # a fit itself flags what its record does not determine
         yield from _force_flags(end, kept, model)
     yield from _validity_flags(model, last)
 
 
 def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
-    """Yield an elasticity that nothing soft has, by which force or height are in another unit than is stated."""
+    """Yield a flag for an elasticity that nothing soft has: force or height are in another unit than is stated."""
     for column, parameter in enumerate(model.parameters):
         value = float(last.values[:, column].mean())
         if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT_RANGE[0] <= value <= _SOFT_RANGE[1]:
@@ -75,21 +78,24 @@ def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
 
 
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
-    """Flags where the estimates have not settled, or the innovations are not what the filter expects.
+    """Yield a flag where the estimates have not settled, and those of the innovations.
 
-    On a sweep they follow the material from place to place and never settle.
+    On a sweep estimates follow the material from place to place and never settle.
     """
     tail, last, tracked = end.tail, end.last, end.tracked
-    if tracked < 2 * end.average or len(tail.time) < 10:
+    if tracked < 2 * end.average or len(tail.time) < _MIN_TAIL:
         yield Flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
-    moving, effects, chance = [], {}, _MAX_CHANCE_SLOPE * tracked * slope_by_chance(tail)
+    # What each value has still to go, beyond what counts as settled and what chance makes.
+    moving: list[str] = []
+    effects: dict[str, float] = {}
+    by_chance = _MAX_CHANCE_SLOPE * tracked * slope_by_chance(tail)
     for column, parameter in enumerate(model.parameters if not end.is_sweep else ()):
-        value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
-        least = max(_MAX_SETTLING * abs(value), _MAX_SETTLING_STDS * float(last.std[-1, column]), float(chance[column]))
-        if rest > least:
-            moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
-            effects[parameter.name] = rest
+        value, std = float(last.values[:, column].mean()), float(last.std[-1, column])
+        settling = float(tail.unsettled(tail.values, tracked)[column])
+        if settling > max(_MAX_SETTLING * abs(value), _MAX_SETTLING_STDS * std, float(by_chance[column])):
+            moving.append(f"{parameter.name} by {100 * settling / tracked / abs(value):.2f} % a second")
+            effects[parameter.name] = settling
     if moving:
         text = f"still moving after {tracked:.3g} s: {', '.join(moving)}"
         yield Flag("not-converged", text, effects=effects, causes=("settling",))
@@ -97,38 +103,41 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     yield from _colour_flags(tail, model, last.std[-1])
 
 
-def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -> Iterator[Flag]:
+def _innovation_flags(tail: Tail, model: ContactModel, std: Floats, when: str) -> Iterator[Flag]:
     """Yield the flag where innovations are not as large as the filter expects: each std (k,) is off by sqrt(NIS)."""
-    known = np.isfinite(seen.nis)
-    parts = (seen.nis[known], seen.nis[known & steady(seen)])  # a hesitation makes large ones, or a large scale of all
-    nis, *others = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
-    if not any(_NIS_RANGE[0] <= one <= _NIS_RANGE[1] for one in (nis, *others)):
+    # With and without hesitations of the arm: these make large innovations, or a large scale of all.
+    finite = np.isfinite(tail.nis)
+    parts = (tail.nis[finite], tail.nis[finite & steady(tail)])
+    nis, *steady_nis = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
+    if not any(_NIS_RANGE[0] <= mean <= _NIS_RANGE[1] for mean in (nis, *steady_nis)):
         text = f"NIS of {nis:.2g} {when} where 1 is expected: noise or model is wrong"
-        yield Flag("inconsistent", text, effects=_too_certain(model, std, math.sqrt(nis)))
+        yield Flag("inconsistent", text, effects=_missing_std(model, std, math.sqrt(nis)))
 
 
 def _colour_flags(tail: Tail, model: ContactModel, std: Floats) -> Iterator[Flag]:
     """Yield the flag where innovations predict one another.
 
-    As an autoregression of the first order by a share r, n of them are worth n (1 - r)/(1 + r), and each standard
-    deviation `std` (k,) is too small by the root of that.
+    As an autoregression of the first order with the coefficient r, n of them are worth n (1 - r)/(1 + r), and each
+    standard deviation `std` (k,) is too small by the root of that.
     """
-    lag, share = correlation(tail)
-    if abs(share) > _MAX_AUTOCORRELATION:
-        text = f"innovations {lag} samples apart correlate by {share:+.2f}"
-        scale = math.sqrt((1.0 + share) / max(1.0 - share, 1e-3))
-        yield Flag("coloured-innovations", text, effects=_too_certain(model, std, scale))
+    lag, r = correlation(tail)
+    if abs(r) > _MAX_AUTOCORRELATION:
+        text = f"innovations {lag} samples apart correlate by {r:+.2f}"
+        scale = math.sqrt((1.0 + r) / max(1.0 - r, _MIN_REMAINDER))
+        yield Flag("coloured-innovations", text, effects=_missing_std(model, std, scale))
 
 
-def _too_certain(model: ContactModel, std: Floats, scale: float) -> dict[str, float]:
-    """By how much the standard deviation (k,) of each parameter has to grow where it is so many times too small."""
-    more = max(scale - 1.0, 0.0)
-    return {p.name: more * one for p, one in zip(model.parameters, std.tolist(), strict=True)}
+def _missing_std(model: ContactModel, std: Floats, scale: float) -> dict[str, float]:
+    """Return what the standard deviation (k,) of each parameter lacks where it is too small by a factor `scale`."""
+    growth = max(scale - 1.0, 0.0)
+    return {parameter.name: growth * size for parameter, size in zip(model.parameters, std.tolist(), strict=True)}
 
 
 def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Iterator[Flag]:
-    """Yield the flag where the force swings too little for the track's values: a filter knows what came before its
-    end."""
+    """Yield the flag where the force swings too little to determine the track's values.
+
+    A filter knows the samples before its end as well.
+    """
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
@@ -137,14 +146,14 @@ def _force_flags(end: TrackEnd, kept: SampleStore, model: ContactModel) -> Itera
 
 
 def _determines_all(end: TrackEnd, kept: SampleStore, model: ContactModel, noise: float) -> bool:
-    """True where the record can determine every parameter estimated."""
+    """Return True if the record can determine every parameter estimated."""
     values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, kept, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
     return bool((bounds < _MAX_RELATIVE_BOUND * values)[free].all())
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
-    """Yield the model's own limits, at the greatest depth that was reached."""
+    """Yield a flag where the greatest depth is beyond the model's own limits."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself
