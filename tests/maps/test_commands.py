@@ -1,6 +1,7 @@
 """`palpate check motion`, `map` and its subcommands, `run resume`: from a pipeline to a picture and a list of lumps."""
 
 import csv
+import itertools
 import json
 import re
 import shutil
@@ -445,18 +446,28 @@ def test_an_impossible_search_is_refused(palpate, raster_run, option, value, mes
 
 @pytest.mark.slow
 def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):
-    """Default settings from the command line to the lumps; y of the record begins at 450 mm."""
+    """Default settings from the command line to the lumps, by all filters; y [mm] of the record begins at 454."""
     file = f"device.log.file={shared / 'ur3e-bota-2024' / 'tran_4mms.csv.gz'}"
-    given = options([file, 'run.tracks=["dr/smoother", "dr/ekf"]'])
-    done = palpate("run", root / "pipelines" / "figures" / "recorded.toml", *given, "--out", tmp_path / "out")
+    run = tmp_path / "out"
+    done = palpate("run", root / "pipelines" / "figures" / "recorded.toml", *options([file]), "--out", run)
     assert done.returncode == 0, done.stderr
-    for method in ("prominence", "cusum"):
-        found = json.loads(palpate("map", "lumps", tmp_path / "out", "--method", method, "--json").stdout)
-        assert found["track"] == "dr/smoother"
-        sphere, horseshoe = found["lumps"]
-        assert 1e3 * sphere["y"] - 450 == pytest.approx(20.0, abs=3.0)
-        assert 42.0 - 3.0 < 1e3 * horseshoe["y"] - 450 < 48.0 + 3.0
-    assert "no lumps" in palpate("map", "lumps", tmp_path / "out", "--track", "dr/ekf").stdout
+
+    def lumps(track, method):
+        done = palpate("map", "lumps", run, "--track", f"dr/{track}", "--method", method, "--json")
+        return json.loads(done.stdout)["lumps"]
+
+    for track in ("smoother", "kinematic"):
+        sphere, horseshoe = lumps(track, "prominence")
+        assert 1e3 * sphere["y"] == pytest.approx(471.0, abs=1.5)
+        assert 1e3 * horseshoe["y"] == pytest.approx(497.0, abs=1.5)
+        assert horseshoe["p"] < 1e-3
+        assert 0.045 < horseshoe["contrast"] < 0.07
+    for track, method in itertools.product(("smoother", "kinematic", "afukf", "afekf"), ("prominence", "cusum")):
+        sphere, *others = lumps(track, method)
+        assert 1e3 * sphere["y"] == pytest.approx(471.0, abs=1.5)
+        assert len(others) <= 1
+        assert all(abs(1e3 * lump["y"] - 497.0) < 2e3 * lump["place_std"][1] for lump in others)
+    assert lumps("ekf", "prominence") == []
 
 
 @pytest.mark.slow

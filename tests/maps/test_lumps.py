@@ -52,6 +52,14 @@ def area(dice, lumps, noise=0.005):
     return Sites(place, log, np.full(n, noise), np.arange(n) / 4.0, np.zeros(n, bool))
 
 
+def test_both_methods_read_a_lump_off_the_same_curve():
+    """Also where the cumulative sums call the flank between two lumps a rise of its own."""
+    sites = sweep(np.random.default_rng(0), [(-0.014, 0.006, 0.56), (0.012, 0.004, 0.08)])
+    prominence, cusum = (find_lumps(sites, LumpSettings(method=method)).lumps for method in ("prominence", "cusum"))
+    assert len(prominence) == 2
+    assert [replace(lump, p=0.0) for lump in cusum] == [replace(lump, p=0.0) for lump in prominence]
+
+
 @pytest.mark.parametrize("method", ["prominence", "cusum"])
 @pytest.mark.parametrize("way", [1, -1])
 def test_lumps_of_a_sweep_are_where_they_are(method, way):
@@ -241,6 +249,9 @@ def test_a_stay_before_the_sweep_tells_what_is_scatter():
     value = 100e3 * np.exp(0.004 * np.repeat(dice.standard_normal(len(time) // 25), 25))
     path = Path2D("dr/kinematic", "elasticity", time, np.column_stack([0 * y, y]), value, 0.02 * value, 1.0)
     assert sites_along(path).kept == pytest.approx(0.2, abs=0.08)
+    # A filter that its innovations show to be too certain scatters no more for that.
+    certain = sites_along(replace(path, std=path.std / 2, nis=4.0))
+    assert certain.kept * certain.std == pytest.approx(sites_along(path).kept * sites_along(path).std)
     late = time > 8.5
     short = Path2D("dr/kinematic", "elasticity", time[late], path.place[late], value[late], path.std[late], 1.0)
     assert sites_along(short).kept == 0.7

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from palpate_maps.line_peaks import LineCurve
-from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
+from palpate_maps.line_peaks import LineCurve, Peak, lump_of_peak, peaks
+from palpate_maps.lump_criteria import Findings, LumpSettings
 from palpate_maps.sites import merge_sites
 
 # Choices of accuracy: of the run length as a Markov chain, and of the threshold that is inverted from it.
@@ -135,21 +135,18 @@ def threshold(k: float, rate: float, blocks: int) -> float:
 def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     """Lumps as a rise and the fall after it, each an alarm of the cumulative sums over blocks of the sweep.
 
-    Blocks of `width` are taken in the order of time, the last stay before the sweep first. Where the lump is, how wide
-    and how high, is read off the smoothed curve between the two changes.
+    Blocks of `width` are taken in the order of time, the last stay before the sweep first. The lump of a rise is the
+    highest peak of the smoothed curve between the two changes, as wide and as high as it is there.
     """
-    spans = _raised_spans(curve, settings)
     half = 0.5 * settings.width
-    # Valleys of a lump lie no farther than the neighbouring spans; without any span there is nothing to zip.
-    previous_ends = [-np.inf, *(end for _, end, _ in spans[:-1])]
-    next_begins = [*(begin for begin, _, _ in spans[1:]), np.inf]
-    lumps: list[Lump] = []
-    for (begin, end, p), *bounds in zip(spans, previous_ends, next_begins, strict=False):
-        lump = _highest_between(curve, (begin - half, end + half), (bounds[0], bounds[1]), p)
-        if lump is None or lump.contrast < settings.contrast:
-            continue
-        if all(abs(lump.along - other.along) >= settings.width for other in lumps):
-            lumps.append(lump)
+    candidates = peaks(curve, float(np.log1p(settings.contrast)))
+    highest: dict[Peak, float] = {}
+    for begin, end, p in _raised_spans(curve, settings):
+        inside = [peak for peak in candidates if begin - half <= peak.highest <= end + half]
+        if inside:
+            peak = max(inside, key=lambda peak: peak.height)
+            highest[peak] = min(p, highest.get(peak, 1.0))
+    lumps = [lump_of_peak(curve, peak, settings.width, p) for peak, p in highest.items()]
     return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")
 
 
@@ -180,30 +177,3 @@ def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
         elif rise is not None:
             yield rise.since, alarm.at, max(p, alarm.p)
             rise = None
-
-
-def _highest_between(curve: LineCurve, span: tuple[float, float], bounds: tuple[float, float], p: float) -> Lump | None:
-    """Return the highest point of a span, over the higher of the valleys next to it, which lie within the bounds
-    [m]."""
-    inside = np.flatnonzero((curve.at >= span[0]) & (curve.at <= span[1]))
-    if not len(inside):
-        return None
-    peak = int(inside[np.argmax(curve.log[inside])])
-    before = np.flatnonzero((curve.at >= bounds[0]) & (curve.at <= curve.at[peak]))
-    after = np.flatnonzero((curve.at <= bounds[1]) & (curve.at >= curve.at[peak]))
-    valleys = [int(side[np.argmin(curve.log[side])]) for side in (before, after) if len(side)]
-    valley = max(valleys, key=lambda v: curve.log[v])
-    height = float(curve.log[peak] - curve.log[valley])
-    # Extent and middle at half its height.
-    edges = [_crossing(curve, peak, height / 2, step) for step in (-1, 1)]
-    middle = float(np.mean(edges))
-    std = float(np.hypot(curve.noise[peak], curve.noise[valley]))
-    return Lump(curve.place(middle), (abs(edges[1] - edges[0]), 0.0), float(np.expm1(height)), std, p, middle)
-
-
-def _crossing(curve: LineCurve, peak: int, drop: float, step: int) -> float:
-    """Place [m] at which the curve has fallen by `drop`, going from the peak in one direction."""
-    i = peak
-    while 0 <= i + step < len(curve.at) and curve.log[i] > curve.log[peak] - drop:
-        i += step
-    return float(curve.at[i])

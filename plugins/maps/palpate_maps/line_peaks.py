@@ -77,24 +77,18 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
     rooms = max(length / settings.width, _MIN_ROOMS)
     pairs = rooms * (rooms - 1) / 2
     lumps = []
-    for peak in _peaks(curve, float(np.log1p(settings.contrast))):
+    for peak in peaks(curve, float(np.log1p(settings.contrast))):
         p = min(1.0, pairs * 2 * float(stats.norm.sf(peak.height / peak.std)))
         if p <= settings.rate:
-            contrast = float(np.expm1(peak.height))
-            body = _body_of(curve, peak, settings.width)
-            lumps.append(
-                replace(
-                    body, place=curve.place(peak.middle), contrast=contrast, contrast_std=(1 + contrast) * peak.std, p=p
-                )
-            )
+            lumps.append(lump_of_peak(curve, peak, settings.width, p))
     # The power is that of a difference of two points of median noise.
     std = float(np.median(curve.noise)) * np.sqrt(2.0)
     power, excluded = sweep_power(std, length, settings), sweep_exclusion(std, length, settings)
     return replace(curve.findings(lumps, "prominence along the sweep"), power=power, excluded=excluded)
 
 
-def _body_of(curve: LineCurve, peak: _Peak, width: float) -> Lump:
-    """Return the lump of a peak with the standard deviations of its place and extent, of a body fitted to its sites.
+def lump_of_peak(curve: LineCurve, peak: Peak, width: float, p: float) -> Lump:
+    """Return the lump of a peak, whose place and extent have the standard deviations of a body fitted to its sites.
 
     The sites are those of the curve's width about it, up to a width of the peak beyond its flanks.
     """
@@ -105,12 +99,13 @@ def _body_of(curve: LineCurve, peak: _Peak, width: float) -> Lump:
     fit = fit_bodies(field.chosen(window), [start], float(np.median(curve.noise)))
     place_variance, _, width_variance = np.diag(fit.covariance)[1:].tolist()
     along = curve.direction * float(np.sqrt(place_variance))
+    contrast = float(np.expm1(peak.height))
     return Lump(
-        (0.0, 0.0),
+        curve.place(peak.middle),
         (peak.extent, 0.0),
-        contrast=0.0,
-        contrast_std=0.0,
-        p=1.0,
+        contrast=contrast,
+        contrast_std=(1 + contrast) * peak.std,
+        p=p,
         along=peak.middle,
         place_std=(float(abs(along[0])), float(abs(along[1]))),
         width_std=float(np.sqrt(width_variance)),
@@ -118,25 +113,27 @@ def _body_of(curve: LineCurve, peak: _Peak, width: float) -> Lump:
 
 
 @dataclass(frozen=True)
-class _Peak:
+class Peak:
     """A peak of a sweep's curve."""
 
+    highest: float  # [m] along the sweep
     middle: float  # [m] along the sweep, between its points at half its height
     extent: float  # [m] at half its height
     height: float  # of the logarithm, over the higher valley
     std: float  # standard deviation of that height
 
 
-def _peaks(curve: LineCurve, least_height: float) -> list[_Peak]:
+def peaks(curve: LineCurve, least_height: float) -> list[Peak]:
     """Return the peaks of a curve that are at least so high over the higher of their valleys."""
     from scipy import signal
 
     rows, properties = signal.find_peaks(curve.log, prominence=least_height)
     widths, _, first, last = signal.peak_widths(curve.log, rows, rel_height=0.5)
-    peaks = []
+    summits = []
     for k, row in enumerate(rows):
         valley = max((properties["left_bases"][k], properties["right_bases"][k]), key=lambda base: curve.log[base])
         middle = float(np.interp((first[k] + last[k]) / 2, np.arange(len(curve.at)), curve.at))
         std = float(np.hypot(curve.noise[row], curve.noise[valley]))
-        peaks.append(_Peak(middle, float(widths[k]) * STEP, float(properties["prominences"][k]), std))
-    return peaks
+        height, extent = float(properties["prominences"][k]), float(widths[k]) * STEP
+        summits.append(Peak(float(curve.at[row]), middle, extent, height, std))
+    return summits

@@ -80,7 +80,7 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
 
 
 def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
-    """Share of the estimator's standard deviation that is scatter, determined from the stay before a sweep.
+    """Return the share of a site's standard deviation that is scatter, determined from the stay before a sweep.
 
     There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
     scatter. A stay that is too short, or in which the estimate still settles, determines nothing: then the value
@@ -102,8 +102,8 @@ def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> fl
     means = means[count > 0]
     if len(means) < _MIN_PIECES:
         return KEPT
-    # Their scatter over the stated standard deviation, more by 1/sqrt(n) since it is of n pieces only.
-    stated = float(np.sqrt(np.mean((path.std[stay] / path.value[stay]) ** 2)))
+    # Their scatter over the standard deviation of a site, more by 1/sqrt(n) since it is of n pieces only.
+    stated = _widening(path) * float(np.sqrt(np.mean((path.std[stay] / path.value[stay]) ** 2)))
     share = means.std(ddof=1) / stated * (1 + 1 / np.sqrt(len(means)))
     return float(np.clip(share, _MIN_KEPT, KEPT))
 
@@ -121,10 +121,15 @@ def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], s
     return Sites(
         np.column_stack([mean(path.place[:, 0]), mean(path.place[:, 1])]),
         mean(logs),
-        np.sqrt(mean((path.std / path.value) ** 2)) * np.sqrt(max(path.nis, 1.0)),
+        np.sqrt(mean((path.std / path.value) ** 2)) * _widening(path),
         mean(path.time),
         mean(standing.astype(float)) > 0.5,
     )
+
+
+def _widening(path: Path2D) -> float:
+    """Return the factor of a filter's standard deviation where its innovations are larger than it expects."""
+    return float(np.sqrt(max(path.nis, 1.0)))
 
 
 def _standing(path: Path2D) -> NDArray[np.bool_]:
