@@ -4,6 +4,7 @@ import pytest
 from palpate_commands.distribution import distribution
 from palpate_testing.part_measures import SPECIMEN
 
+SIGNAL = 'signals.force={topic = "/wrench", field = "wrench.force.z", unit = "N"}'
 WRONG_TIP = """
 from palpate import Indenter, Length, plugin
 class Own(Indenter):
@@ -57,7 +58,7 @@ def test_the_page_of_an_estimator_has_its_errors(palpate):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("bota", "--set", "port=/dev/ttyUSB0"), "BotaSensor talks to hardware, and no twin stands in for it"),
+        (("ros2", "--set", SIGNAL), "Ros2Device talks to hardware, and no twin stands in for it"),
         (("spere",), "did you mean 'sphere'"),
         (("sphere",), "radius"),
         (("sphere", "--set", "radius=5 N"), "'5 N' is a force, not a length"),
@@ -77,6 +78,26 @@ def test_a_wrong_part_has_no_page(palpate, tmp_path):
     assert done.returncode == 2
     assert done.stdout == ""
     assert "a sphere rises to" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("bota", "port=/dev/ttyUSB0"), "| stream wrench | 800 Hz: x [N], "),
+        (("rdt", 'host="192.0.2.1"'), "| stream wrench | 1000 Hz: x [N], "),
+        (("rdt", 'host="192.0.2.1"', 'box="onrobot"', 'rate="500 Hz"'), "| stream wrench | 500 Hz: x [N], "),
+        (
+            ("ur", 'host="192.0.2.1"', 'tcp=["0 mm", "0 mm", "120 mm"]', 'work.origin=["-300 mm", "-130 mm", "0.1 m"]'),
+            "| stream tip | 500 Hz: x [m], y [m], z [m]",
+        ),
+    ],
+)
+def test_a_sensor_and_an_arm_of_palpate_have_pages_of_their_twin(palpate, words, line):
+    name, *settings = words
+    done = palpate("check", "part", name, *(word for text in settings for word in ("--set", text)))
+    assert done.returncode == 0, done.stderr
+    assert line in done.stdout
 
 
 @pytest.mark.slow

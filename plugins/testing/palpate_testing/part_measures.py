@@ -148,9 +148,9 @@ def measure_surface(surface: Surface) -> Measures:
 
 
 def measure_device(device: Device) -> Measures:
-    """Check a device in simulation: an arm against the twin that stands in for it; its streams.
+    """Check a device in simulation: one that talks to hardware against the twin that stands in for it; its streams.
 
-    Raises ConfigurationError for one that talks to hardware and has no twin.
+    Raises ConfigurationError where no twin does.
     """
     if device.live:
         twin = _twin_of(device)
@@ -158,7 +158,7 @@ def measure_device(device: Device) -> Measures:
             name = type(device).__name__
             raise ConfigurationError(f"{name} talks to hardware, and no twin stands in for it: check it in a test")
         with twin.simulated(seed=0):
-            check_device(device, short_motion(), listen=LISTEN)
+            check_device(device, short_motion() if moves(device, 0) else None, listen=LISTEN)
     else:
         check_device(device, short_motion() if moves(device, 0) else None)
 

@@ -15,6 +15,7 @@ from palpate_simulation.twins.settings import BenchSettings
 from palpate_simulation.twins.world import World
 
 _NICE = -10  # before other programs, but never at real-time priority: a driver's threads get their turn
+WORK_OF_SENSOR = {"work.origin": "[-0.3, -0.13, 0.1]"}  # [m] within reach of the twin's arm, as in point_ur3e.toml
 # Not what asks or ends the twins, or changes what they recorded: that is for their terminal.
 _OF_A_RUN = {
     entry: meaning
@@ -51,12 +52,15 @@ class VirtualBench(BenchSettings):
 
     @classmethod
     def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
-        """For one arm and one SensONE or RDT box; of another maker than Universal Robots also for the arm alone."""
+        """For one arm with a SensONE or an RDT box or without, and for such a sensor that is the only device."""
         tables = [device.twin_settings for device in devices.values() if isinstance(device, SupportsTwin)]
-        parts = [part for table in tables for part in ("robot", "arm.lag", "sensor") if part in table]
-        if sorted(parts) not in (["robot", "sensor"], ["arm.lag", "sensor"], ["arm.lag"]):
+        arms = sum("robot" in table or "arm.lag" in table for table in tables)
+        sensors = sum("sensor" in table for table in tables)
+        if arms > 1 or sensors > 1 or (arms == 0 and not sensors == len(devices) == 1):
             return None
         settings = {key: value for table in tables for key, value in table.items()}
+        if arms == 0:  # a sensor has no place of its own
+            settings |= WORK_OF_SENSOR
         return {**settings, "tip_mass": str(tip_mass)} if tip_mass else settings
 
     @contextmanager
