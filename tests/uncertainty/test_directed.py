@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from palpate_uncertainty.alternative_fit import Refit
 from palpate_uncertainty.channel_noise import WHITE, Null, null_of
 from palpate_uncertainty.directed_tests import directed_tests
-from palpate_uncertainty.model_alternatives import Refit
 from palpate_uncertainty.refit import _quiet
 from palpate_uncertainty.whiteness import whiteness_tests
 
@@ -45,7 +45,7 @@ def test_noise_is_rejected_as_often_as_it_should_be():
 def test_a_pattern_of_a_hundredth_of_the_noises_power_is_found_where_no_other_test_sees_it():
     noise = np.random.default_rng(3).standard_normal(N) + 0.16 * PATTERN
     assert p_of(noise) < 1e-4
-    assert whiteness_tests(noise, ONE_RUN, TIME, TIME, None, WHITE).p > 1e-2
+    assert whiteness_tests(noise, ONE_RUN, TIME, None, WHITE).p > 1e-2
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_without_a_standstill_only_what_is_slower_than_a_channel_is_memory(share
     residual = Null(np.zeros(0), 0, "residual")
 
     def memory(values):
-        return whiteness_tests(values, ONE_RUN, TIME, TIME, None, residual).tests["memory"]
+        return whiteness_tests(values, ONE_RUN, TIME, None, residual).tests["memory"]
 
     noise = [filtered(seed, share) for seed in range(30)]
     assert min(memory(values) for values in noise) > 1e-3

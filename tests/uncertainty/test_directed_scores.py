@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate_fits import CasadiFit
+from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.channel_noise import WHITE
 from palpate_uncertainty.directed_scores import SUSPICIOUS, scores
 from palpate_uncertainty.directed_tests import directed_tests
 from palpate_uncertainty.lack_of_fit import lack_of_fit
-from palpate_uncertainty.model_alternatives import alternatives, refit
+from palpate_uncertainty.model_alternatives import alternatives
 from palpate_uncertainty.refit import make_course
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
 from palpate_uncertainty.score_tests import LEVEL

@@ -10,9 +10,10 @@ from palpate_filters import AdaptiveFadingEkf, ExtendedKalmanFilter, KinematicFi
 from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty import lack_of_fit as module
+from palpate_uncertainty.alternative_fit import Refit, refit
 from palpate_uncertainty.channel_noise import WHITE, null_of
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
-from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
+from palpate_uncertainty.model_alternatives import alternatives
 from palpate_uncertainty.refit import Course, make_course
 from palpate_uncertainty.whiteness import oscillation, whiteness_tests
 
@@ -36,7 +37,7 @@ def judged(track):
 
 def p_values(values, null, seed=0):
     phase = 4 * np.pi * TIME
-    return whiteness_tests(values, ONE_RUN, TIME, np.sin(phase), phase, null)
+    return whiteness_tests(values, ONE_RUN, np.sin(phase), phase, null)
 
 
 @pytest.mark.slow

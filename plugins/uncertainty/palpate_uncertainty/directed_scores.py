@@ -8,16 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from palpate import Floats
 
+from palpate_uncertainty.alternative_fit import ModelAlternative, Refit
 from palpate_uncertainty.channel_noise import Null, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
-from palpate_uncertainty.model_alternatives import (
-    MEMORY,
-    ModelAlternative,
-    Refit,
-    fastest_branch,
-    makers,
-    relaxing_parameter,
-)
+from palpate_uncertainty.model_alternatives import MEMORY, fastest_branch, makers, relaxing_parameter
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
+from palpate_uncertainty.alternative_fit import Refit
 from palpate_uncertainty.channel_noise import Null, Runs, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
-from palpate_uncertainty.model_alternatives import Refit
 
 
 @dataclass(frozen=True)

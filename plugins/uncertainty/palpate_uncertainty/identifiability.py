@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_engine import display_unit
 
+from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.information_bound import bounds_of_refit
-from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.refit import APART, make_course, possible, sweeps
 
 # Choices of the samples that are judged.

@@ -8,7 +8,7 @@ from palpate import ContactModel, Floats, SampleStore, Tail
 from palpate_engine import force_slopes, hesitations
 from palpate_kit.numerics.normal_equations import scaled_inverse, standard_errors
 
-from palpate_uncertainty.model_alternatives import Refit
+from palpate_uncertainty.alternative_fit import Refit
 from palpate_uncertainty.refit import Course
 
 _MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time

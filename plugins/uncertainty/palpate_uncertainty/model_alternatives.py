@@ -1,4 +1,4 @@
-"""Alternatives for a record: the model, changed in one respect, fitted again."""
+"""Alternatives for a record: the respects in which its model may be wrong."""
 
 from __future__ import annotations
 
@@ -9,105 +9,28 @@ from functools import partial
 import numpy as np
 from palpate import Floats
 
+from palpate_uncertainty.alternative_fit import Maker, ModelAlternative, Refit, refit
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import fit_relaxation
 
-_LAYER_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
-_DEPTH_STEP = 1e-6  # [m], for slopes
-_MAX_DELAY = 0.02  # [s] of an alternative
-_MAX_SAMPLES = 3000  # samples that a refit looks at
-_MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move
+_LAYER_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # of X to X^4: Dimitriadis et al. 2002, eq. 13
+# Choices: the bounds of what an alternative adds.
+_MAX_DELAY = 0.02  # [s] of the force
 _MAX_MASS = 10.0  # [kg] behind the sensor
 _MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base
-_MAX_FORCE = 1e6  # [N] of a residual, in place of one that is not finite
+_MAX_LAYER_RATIO = 1.5  # X, contact radius over thickness, at the mean depth
+_MIN_POWER, _MAX_ADDED_POWER = 0.3, 2.5  # of depth that the force of another tip grows with; added to the model's
+_DEPTH_STEP = 1e-6  # [m], for slopes (choice)
+_FIRST_LAYER_RATIO = 0.2  # X from which the search starts (choice)
+_MIN_DEPTH = 1e-9  # [m], so that a power of depth is finite out of contact (choice)
 MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
-
-# From the model's parameters (k,), the surface [m] and the extra numbers:
-Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]
-Candidates = Callable[[Floats, float, Floats], Floats]  # parameters (c, k) that the estimate may stand for
-
-
-@dataclass(frozen=True)
-class ModelAlternative:
-    """One respect in which a model may be wrong, with the bounds of the numbers that it adds."""
-
-    reason: str
-    force: Force
-    start: tuple[float, ...] = ()
-    lower: tuple[float, ...] = ()
-    upper: tuple[float, ...] = ()
-    candidates: Candidates = lambda theta, surface, extra: theta[None]
-
-
-@dataclass(frozen=True)
-class Refit:
-    """A model fitted to a course by least squares."""
-
-    reason: str  # empty for the model as it is
-    theta: Floats  # (k,) the model's parameters
-    surface: float  # [m]
-    candidates: Floats  # (c, k) what the parameters may be if this is the truth
-    residual: Floats  # (n,) [N] over the course's fitted samples
-    extra: int = 0  # numbers that it adds to the model
-    numbers: tuple[float, ...] = ()  # those, where one asks for them
-
-
-Maker = Callable[[Course], ModelAlternative]
-
-
-def no_change(course: Course) -> ModelAlternative:
-    """Return the model as it is."""
-    return ModelAlternative("", lambda theta, surface, extra: course.forces(theta, surface))
-
-
-def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change) -> Refit:
-    """Return a model fitted from a start, parameters within its bounds."""
-    from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
-
-    small = course if course.model.memory else course.reduced(_MAX_SAMPLES)
-    made, k = make(small), len(theta)
-    rows = np.flatnonzero(small.used)
-    rows = rows[:: max(1, -(-len(rows) // _MAX_SAMPLES))]
-    sizes = np.where(theta != 0, np.abs(theta), 1.0)
-    scale = np.concatenate([sizes, [1e-4], np.subtract(made.upper, made.lower)])
-    lower = np.array([*(p.lowest_estimate for p in course.model.parameters), -_MAX_SURFACE_SHIFT, *made.lower]) / scale
-    upper = np.array([*(p.upper for p in course.model.parameters), _MAX_SURFACE_SHIFT, *made.upper]) / scale
-    start = np.array([*theta, 0.0, *made.start]) / scale
-    margin = 1e-9 * np.maximum(1.0, np.abs(start))
-    start = np.clip(start, lower + margin, upper - margin)
-
-    def parts(x: Floats) -> tuple[Floats, float, Floats]:
-        numbers = x * scale
-        return numbers[:k], surface + float(numbers[k]), numbers[k + 1 :]
-
-    def residual(x: Floats) -> Floats:
-        try:
-            error = (small.force - made.force(*parts(x)))[rows]
-        except ValueError:  # a memory that is too short for the samples
-            return np.full(len(rows), _MAX_FORCE)
-        if float(np.abs(error).max(initial=0.0)) <= _MAX_FORCE:  # of NaN it is not
-            return error
-        return np.clip(np.where(np.isfinite(error), error, _MAX_FORCE), -_MAX_FORCE, _MAX_FORCE)
-
-    found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
-    numbers, full = parts(found.x), made if small is course else make(course)
-    error = (course.force - full.force(*numbers))[course.used]
-    return Refit(
-        made.reason,
-        numbers[0],
-        numbers[1],
-        full.candidates(*numbers),
-        error,
-        len(made.start),
-        tuple(numbers[2].tolist()),
-    )
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> dict[str, Callable[[], Refit]]:
-    """By reason, the refit of all that the residual may show to be wrong; of a model with memory only timing, drift and
-    mass.
+    """Return, by reason, the refits of all that the residual may show to be wrong.
 
-    `frequency` [Hz] is that of a motion that oscillates with one.
+    Of a model with memory these are timing, drift and mass. `frequency` [Hz] is that of a
+    motion that oscillates with one, else None.
     """
     refits: dict[str, Callable[[], Refit]] = {
         reason: partial(refit, course, base.theta, base.surface, make) for reason, make in makers(course, base).items()
@@ -118,12 +41,18 @@ def alternatives(course: Course, base: Refit, frequency: float | None = None) ->
 
 
 def _relaxation(course: Course, base: Refit, relaxing: int, fastest: float) -> Refit:
-    stays, surface, at_first, residual, branches = fit_relaxation(course, base.theta, base.surface, relaxing, fastest)
-    return Refit(MEMORY, stays, surface, np.array([stays, at_first]), residual, branches)
+    """Return the refit with a memory of the parameter of index `relaxing`, of no branch faster than `fastest` [s].
+
+    The estimate may stand for the parameters at the end of the relaxation, or for those at its beginning.
+    """
+    relaxed, surface, instantaneous, residual, branches = fit_relaxation(
+        course, base.theta, base.surface, relaxing, fastest
+    )
+    return Refit(MEMORY, relaxed, surface, np.array([relaxed, instantaneous]), residual, branches)
 
 
 def makers(course: Course, base: Refit) -> dict[str, Maker]:
-    """By reason, the respects in which the model of a course may be wrong, but for relaxation."""
+    """Return, by reason, the respects in which the model of a course may be wrong, but for relaxation."""
     elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
     always: dict[str, Maker] = {"timing": _timing, "drift": _drift, "mass": _mass}
     shape = _shape(course, base) if elastic and not course.model.memory else None
@@ -138,7 +67,10 @@ def makers(course: Course, base: Refit) -> dict[str, Maker]:
 
 
 def relaxing_parameter(course: Course) -> int | None:
-    """Index of the parameter that may relax; None of a model with a memory of its own, or a force not linear in all."""
+    """Return the index of the parameter that may relax.
+
+    None for a model with a memory of its own, and for one whose force is not linear in all parameters.
+    """
     parameters = course.model.parameters
     elastic = [i for i, parameter in enumerate(parameters) if parameter.role == "elastic"]
     linear = len(elastic) == 1 and not course.model.memory and all(parameter.role for parameter in parameters)
@@ -164,12 +96,22 @@ def _timing(course: Course) -> ModelAlternative:
 
 def _drift(course: Course) -> ModelAlternative:
     """Return a force that drifts from the first contact on; where there was no air before it, from anywhere."""
-    since, most = (course.time - course.begin) / course.span, float(np.max(np.abs(course.force[course.used])))
+    elapsed = (course.time - course.begin) / course.span
+    largest = float(np.max(np.abs(course.force[course.used])))
     if course.from_air:
-        return ModelAlternative("drift", lambda t, s, x: course.forces(t, s) + x[0] * since, (0.0,), (-most,), (most,))
-    ends = (most, most)
+        return ModelAlternative(
+            "drift",
+            lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed,
+            (0.0,),
+            (-largest,),
+            (largest,),
+        )
     return ModelAlternative(
-        "drift", lambda t, s, x: course.forces(t, s) + x[0] * since + x[1], (0.0, 0.0), (-most, -most), ends
+        "drift",
+        lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed + x[1],
+        (0.0, 0.0),
+        (-largest, -largest),
+        (largest, largest),
     )
 
 
@@ -187,7 +129,7 @@ def _compliance(course: Course, base: Refit) -> ModelAlternative:
 
 
 def _mass(course: Course) -> ModelAlternative:
-    """Another mass behind the sensor than was taken off."""
+    """Return a force with another mass behind the sensor than was taken off."""
     return ModelAlternative(
         "mass",
         lambda theta, surface, x: course.forces(theta, surface) + x[0] * course.acceleration,
@@ -212,57 +154,60 @@ class _Shape:
 
 
 def _shape(course: Course, base: Refit) -> _Shape | None:
-    """None where a fit has lost the contact: its surface is below all of the record."""
-    depth, (low, slope) = course.depth(base.surface)[course.used], course.elastic(base.theta, base.surface)
-    low, slope = low[course.used], slope[course.used]
-    if not np.mean(low) > 0:
+    """Return the shape by means over the fitted samples; None where a fit has its surface below all of them."""
+    depth = course.depth(base.surface)[course.used]
+    elastic, slope = (part[course.used] for part in course.elastic(base.theta, base.surface))
+    if not np.mean(elastic) > 0:
         return None
-    return _Shape(float(np.mean(depth)), float(np.mean(slope)), float(np.mean(slope * depth) / np.mean(low)))
+    power = float(np.mean(slope * depth) / np.mean(elastic))  # of F ~ d^p: p = d F'/F
+    return _Shape(float(np.mean(depth)), float(np.mean(slope)), power)
 
 
 def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
     """Return the elastic force times c(X), X growing as the contact radius, and the viscous force after its derivative.
 
-    The contact radius is the slope of the elastic force in depth, but for a constant, which the extra number takes.
+    With c(X) = 1 + 1.133 X + 1.283 X^2 + 0.769 X^3 + 0.0975 X^4 (Dimitriadis et al. 2002, eq. 13) the elastic force
+    F(d) becomes c F, and its slope F' becomes c F' + c' F: a viscous force, which is proportional to the slope, is
+    multiplied by c + c' F/F'. X is the contact radius over the thickness. The contact radius is the slope of the
+    elastic force of the parameters `unit` but for a constant, so the extra number is X at the mean depth.
     """
+    c1, c2, c3, c4 = _LAYER_COEFFICIENTS
 
-    def layer(surface: float, extra: Floats) -> Floats:
+    def stiffening(surface: float, extra: Floats) -> Floats:
+        """Return c(X) (n,) of the course's depths below a surface [m]."""
         x = float(extra[0]) * course.elastic(unit, surface)[1] / shape.slope
-        return np.asarray(
-            1.0
-            + x
-            * (
-                _LAYER_COEFFICIENTS[0]
-                + x * (_LAYER_COEFFICIENTS[1] + x * (_LAYER_COEFFICIENTS[2] + x * _LAYER_COEFFICIENTS[3]))
-            )
-        )
+        return np.asarray(1.0 + x * (c1 + x * (c2 + x * (c3 + x * c4))))
 
     def force(theta: Floats, surface: float, extra: Floats) -> Floats:
-        low, slope = course.elastic(theta, surface)
-        factor, deeper = layer(surface, extra), layer(surface + _DEPTH_STEP, extra)
-        growth = np.divide(low, slope, out=np.zeros_like(low), where=slope > 0) * (deeper - factor) / _DEPTH_STEP
-        viscous = course.forces(theta, surface) - low
-        return np.asarray(low * factor + viscous * (factor + growth))
+        elastic, slope = course.elastic(theta, surface)
+        viscous = course.forces(theta, surface) - elastic
+        factor = stiffening(surface, extra)
+        # A higher surface is a greater depth.
+        factor_below = stiffening(surface + _DEPTH_STEP, extra)
+        force_over_slope = np.divide(elastic, slope, out=np.zeros_like(elastic), where=slope > 0)
+        growth = force_over_slope * (factor_below - factor) / _DEPTH_STEP
+        return np.asarray(elastic * factor + viscous * (factor + growth))
 
-    return ModelAlternative("thickness", force, (0.2,), (0.0,), (1.5,))
+    return ModelAlternative("thickness", force, (_FIRST_LAYER_RATIO,), (0.0,), (_MAX_LAYER_RATIO,))
 
 
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
     """Return an elastic force that is another power of depth, and the viscous force after its slope.
 
-    Which tip that is, is not known: the elastic parameters may be what the force, or what its slope, at the mean depth
-    would need in the model.
+    With the model's F ~ d^p the elastic force becomes (d/d_mean)^q F, q the extra number, whose slope is
+    (d/d_mean)^q (1 + q/p) F'; a viscous force is proportional to the slope. Which tip that is, is not known: the
+    elastic parameters may be what the force, or what its slope, at the mean depth would need in the model.
     """
 
     def force(theta: Floats, surface: float, extra: Floats) -> Floats:
-        change = (np.maximum(course.depth(surface), 1e-9) / shape.depth) ** float(extra[0])
-        low, _ = course.elastic(theta, surface)
-        viscous = course.forces(theta, surface) - low
-        return np.asarray(change * (low + viscous * (1.0 + float(extra[0]) / shape.power)))
+        change = (np.maximum(course.depth(surface), _MIN_DEPTH) / shape.depth) ** float(extra[0])
+        elastic_force, _ = course.elastic(theta, surface)
+        viscous = course.forces(theta, surface) - elastic_force
+        return np.asarray(change * (elastic_force + viscous * (1.0 + float(extra[0]) / shape.power)))
 
     def candidates(theta: Floats, surface: float, extra: Floats) -> Floats:
         by_slope = theta.copy()
         by_slope[elastic] *= 1.0 + float(extra[0]) / shape.power
         return np.array([theta, by_slope])
 
-    return ModelAlternative("another tip", force, (0.0,), (0.3 - shape.power,), (2.5,), candidates)
+    return ModelAlternative("another tip", force, (0.0,), (_MIN_POWER - shape.power,), (_MAX_ADDED_POWER,), candidates)

@@ -12,22 +12,24 @@ from palpate import Diagnosed, Floats, TrackEvidence
 from palpate_kit.numerics.force_limit import at_limit
 
 from palpate_uncertainty import channel_noise
+from palpate_uncertainty.alternative_fit import Refit, refit
 from palpate_uncertainty.channel_noise import WHITE, Null, null_of
 from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.directed_scores import SUSPICIOUS, model_slopes, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests
 from palpate_uncertainty.discrepancy import Explanation, Misfit, has_layer, judge_misfit
-from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
+from palpate_uncertainty.model_alternatives import alternatives
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along
 from palpate_uncertainty.residual_null import standstill_count
 from palpate_uncertainty.score_tests import LEVEL
-from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
+from palpate_uncertainty.whiteness import PHASES, WhitenessTest, oscillation, whiteness_tests
 
 ENOUGH = 300  # samples in contact, to test a refit on
 _MAX_EXPLAINED_SHARE = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
 _MIN_DEPTH_SHARE = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
-_WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
+_SMALLEST_VARIANCE = 1e-300  # in a quotient, in place of 0: near the smallest double
+_WHOLE_SEGMENTS = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
 # What innovations and residuals say where those of the model itself are noise: the noise given to a filter is then
 # judged by the distance of its estimate from least squares.
 SETTLED = frozenset({"misfit", "correlated-residuals", "coloured-innovations", "inconsistent"})
@@ -44,13 +46,10 @@ class RefittedModel:
     frequency: float | None  # [Hz] of the oscillation
 
     def test(self, residual: Floats) -> WhitenessTest:
-        """Return the tests of a residual (n,) [N] of the fitted samples, over time, depth, phase and from one to the
-        next."""
+        """Return the tests of a residual (n,) [N] of the fitted samples: memory, and means over time, depth, phase."""
         rows, course = self.course.used, self.course
-        found = whiteness_tests(
-            residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null
-        )
-        return self.by_motion(found, float(np.var(residual)))
+        test = whiteness_tests(residual, course.runs[rows], -course.height[rows], self.phase, self.null)
+        return self.by_motion(test, float(np.var(residual)))
 
     @cached_property
     def _alternatives(self) -> dict[str, Callable[[], Refit]]:
@@ -58,10 +57,10 @@ class RefittedModel:
 
     @cached_property
     def _refits(self) -> dict[str, Refit]:
-        """Those of the alternatives that were asked for."""
+        """Refits so far, by reason."""
         return {}
 
-    def _refitted(self, reasons: Sequence[str]) -> list[Refit]:
+    def _refits_of(self, reasons: Sequence[str]) -> list[Refit]:
         for reason in reasons:
             if reason not in self._refits:
                 self._refits[reason] = self._alternatives[reason]()
@@ -73,7 +72,7 @@ class RefittedModel:
         return model_slopes(self.course, self.fit)
 
     def prediction(self, free: NDArray[np.bool_], noise_variance: float) -> Prediction | None:
-        """How well a half of the record predicts the other one, by what is `free` (k + 1,)."""
+        """Return the prediction of a half of the record by the other one, of the unknowns that are `free` (k + 1,)."""
         force = self.course.forces(self.fit.theta, self.fit.surface)[self.course.used]
         return predict_other_half(
             self.slopes[:, free], self.fit.residual, force, noise_variance, self.frequency is not None
@@ -81,41 +80,44 @@ class RefittedModel:
 
     @property
     def others(self) -> list[Refit]:
-        """What else the record may be."""
-        return self._refitted(list(self._alternatives))
+        """The refits of all alternatives."""
+        return self._refits_of(list(self._alternatives))
 
     @cached_property
     def directed(self) -> dict[str, DirectedTest]:
-        """By reason, what it explains that the model does not; nothing that the noise of the motion makes."""
+        """By reason, the tests of what an alternative explains more than the noise of the motion makes."""
         return {} if self.course.model.memory else self._directed(self.others)
 
     @cached_property
     def p(self) -> float:
-        """Of the directed tests as a family, those first that their scores leave in doubt; 1 once the family is too
-        large for the least p so far, so that the others need no refit."""
+        """p of the directed tests together: the smallest, times their number (Holm 1979).
+
+        The alternatives are refitted in the order of their scores, which need no refit. The search ends with 1 where
+        the scores of all others are unsuspicious and the number of tests is too large for the smallest p so far.
+        """
         if self.course.model.memory:
             return 1.0
-        by_score = scores(self.course, self.fit, self.null, self.frequency)
-        beyond = self.made_by_motion / max(float(np.var(self.fit.residual)), 1e-300)
+        score_by_reason = scores(self.course, self.fit, self.null, self.frequency)
+        motion_share = self.made_by_motion / max(float(np.var(self.fit.residual)), _SMALLEST_VARIANCE)
         tests: dict[str, DirectedTest] = {}
-        least = 1.0
-        for reason, score in sorted(by_score.items(), key=lambda item: item[1].p):
-            if not score.counts(beyond):
+        smallest = 1.0
+        for reason, score in sorted(score_by_reason.items(), key=lambda item: item[1].p):
+            if not score.counts(motion_share):
                 continue
-            if score.p >= SUSPICIOUS and max(len(tests), 1) * least >= LEVEL:
+            if score.p >= SUSPICIOUS and max(len(tests), 1) * smallest >= LEVEL:
                 return 1.0
-            tests |= self._directed(self._refitted([reason]))
-            least = min((1.0, *(test.p for test in tests.values())))
-        return min(len(tests) * least, 1.0) if tests else 1.0
+            tests |= self._directed(self._refits_of([reason]))
+            smallest = min((1.0, *(test.p for test in tests.values())))
+        return min(len(tests) * smallest, 1.0) if tests else 1.0
 
     def _directed(self, others: Sequence[Refit]) -> dict[str, DirectedTest]:
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
-        found = directed_tests(self.fit, others, runs, self.null)
-        return {reason: test for reason, test in found.items() if test.share * power > self.made_by_motion}
+        tests = directed_tests(self.fit, others, runs, self.null)
+        return {reason: test for reason, test in tests.items() if test.share * power > self.made_by_motion}
 
-    def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
-        """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
-        return replace(found, p=1.0) if found.misfit * power < self.made_by_motion else found
+    def by_motion(self, test: WhitenessTest, power: float) -> WhitenessTest:
+        """Return the test of values of a power [N^2], with p 1 where the noise of the motion makes such a pattern."""
+        return replace(test, p=1.0) if test.misfit * power < self.made_by_motion else test
 
     @cached_property
     def made_by_motion(self) -> float:
@@ -134,18 +136,17 @@ def refitted_model(track: TrackEvidence) -> RefittedModel:
 
 def with_noise(track: TrackEvidence, course: Course, fit: Refit) -> RefittedModel:
     """Return a fit to a course, with the course's oscillation and the noise to test it against."""
-    rhythm = oscillation(course.time[course.used], course.height[course.used])
-    frequency, phase = rhythm or (None, None)
+    frequency, phase = oscillation(course.time[course.used], course.height[course.used]) or (None, None)
     return RefittedModel(course, fit, _null(track, fit.residual, phase), phase, frequency)
 
 
 def judged_rows(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(n,) kept samples for which a track's model is to hold."""
-    return _deep(track) if judges_all(track) else track.kept.used
+    """Return the kept samples (n,) for which a track's model is to hold."""
+    return _deep_rows(track) if judges_all(track) else track.kept.used
 
 
-def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(n,) kept samples that are not just below the surface, and all that the track used.
+def _deep_rows(track: TrackEvidence) -> NDArray[np.bool_]:
+    """Return the kept samples (n,) that are not just below the surface, and all that the track used.
 
     What stands at the limit of the sensor does not measure the force; a track that used it is judged by it.
     """
@@ -155,79 +156,101 @@ def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
 
 
 def judges_all(track: TrackEvidence) -> bool:
-    """Return True if a track's model is to hold for all samples in contact."""
+    """Return True if a track's model is to hold for all samples in contact.
+
+    Not of a fit with unknowns besides the model's parameters and the surface, or of a part of the contact, and not of a
+    path along the surface.
+    """
     names = {*(parameter.name for parameter in track.model.parameters), "surface"}
     unknowns = track.report.unknowns if track.report is not None else {}
-    beside = any(unknown.free and name not in names for name, unknown in unknowns.items())
-    return not beside and not moves_along(track) and getattr(track.estimator, "segment", "active") in _WHOLE
+    has_more_unknowns = any(unknown.free and name not in names for name, unknown in unknowns.items())
+    return (
+        not has_more_unknowns
+        and not moves_along(track)
+        and getattr(track.estimator, "segment", "active") in _WHOLE_SEGMENTS
+    )
 
 
 def left_by(track: TrackEvidence) -> Floats:
-    """What the model, fitted again to a track's samples, leaves of the force (n,) [N]."""
+    """Return the residual (n,) [N] of the model that is fitted again to a track's samples."""
     return refitted_model(track).fit.residual
 
 
 def standstill(track: TrackEvidence) -> Floats:
-    """Force (n,) [N] before the tip began to move; empty where the record has none."""
+    """Return the force (n,) [N] before the tip began to move; empty where the record has none."""
     return track.air_force[: standstill_count(track.air_time, track.air_position)]
 
 
 def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
-    """Noise at standstill; where none was recorded, the residual's own less its pattern over phase."""
+    """Return the noise at standstill; where none was recorded, the residual's own less its pattern over phase."""
     noise = standstill(track)
     if np.count_nonzero(np.isfinite(noise)) >= channel_noise.ENOUGH:
         return null_of(noise)
     if len(residual) < ENOUGH:
         return WHITE
-    rest = residual.copy()
+    without_pattern = residual.copy()
     if phase is not None:
-        bins = np.floor(phase / (2 * np.pi) * 32).astype(int) % 32
-        number = np.maximum(np.bincount(bins, minlength=32), 1)
-        rest -= (np.bincount(bins, weights=residual, minlength=32) / number)[bins]
-    return null_of(rest, "residual")
+        # Subtract the mean of each bin of the phase.
+        bins = np.floor(phase / (2 * np.pi) * PHASES).astype(int) % PHASES
+        numbers = np.maximum(np.bincount(bins, minlength=PHASES), 1)
+        without_pattern -= (np.bincount(bins, weights=residual, minlength=PHASES) / numbers)[bins]
+    return null_of(without_pattern, "residual")
 
 
 def by_innovations(track: TrackEvidence) -> WhitenessTest:
-    """Return the tests of what the estimator itself left."""
+    """Return the tests of the innovations of an estimator, or of the residuals that a fit reports."""
     kept = track.kept
     rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~kept.hesitating
-    time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
-    rhythm = oscillation(time, height)
-    phase = rhythm[1] if rhythm else None
-    return whiteness_tests(values, kept.runs[rows], time, -height, phase, _null(track, values, phase))
+    height, innovation = kept.position[rows], kept.innovation[rows]
+    _, phase = oscillation(kept.time[rows], height) or (None, None)
+    return whiteness_tests(innovation, kept.runs[rows], -height, phase, _null(track, innovation, phase))
 
 
-def misfit_table(found: WhitenessTest) -> Diagnosed:
-    """What tests of whiteness say where they raise no flag."""
-    settled = SETTLED if found.p >= LEVEL else frozenset[str]()
-    return Diagnosed(table={"p": found.p, "tests": dict(found.tests), "null": found.null}, settles=settled)
+def misfit_table(test: WhitenessTest) -> Diagnosed:
+    """Return the table of tests of whiteness that raise no flag, and the flags that they settle."""
+    settled = SETTLED if test.p >= LEVEL else frozenset[str]()
+    return Diagnosed(table={"p": test.p, "tests": dict(test.tests), "null": test.null}, settles=settled)
 
 
-def explained(track: TrackEvidence, found: WhitenessTest, base: RefittedModel) -> Diagnosed:
-    """Return the row, and the note or finding, of a misfit that `found` shows in a refit or in what an estimator left.
+def explained(track: TrackEvidence, test: WhitenessTest, base: RefittedModel) -> Diagnosed:
+    """Return the row, and the note or finding, of a misfit that a `test` shows in a refit or in innovations.
 
-    Without a noise that is known, the misfit is the share of the variance that has a pattern, and an alternative
-    explains as much as its refit takes of the variance.
+    Without a noise that is known, the misfit is the share s of the variance that has a pattern, by the test that sees
+    most of it; the rest of the variance is noise.
     """
     residual = base.fit.residual
-    n, variance = len(residual), max(float(np.var(residual)), 1e-300)
-    directed = [test.share for test in base.directed.values() if test.p * len(base.directed) < LEVEL]
-    share = min(max(base.test(residual).misfit, found.misfit, *directed, 0.0), _MAX_EXPLAINED_SHARE)
-    noise = variance * (1.0 - share)
+    n, variance = len(residual), max(float(np.var(residual)), _SMALLEST_VARIANCE)
+    significant_shares = [test.share for test in base.directed.values() if test.p * len(base.directed) < LEVEL]
+    share = min(max(base.test(residual).misfit, test.misfit, *significant_shares, 0.0), _MAX_EXPLAINED_SHARE)
+    noise_variance = variance * (1.0 - share)
+    misfit = Misfit(
+        p=min(test.p, base.p),
+        excess=variance * share,
+        variation=float(np.std(base.course.force[base.course.used])),
+        pattern=n * share / (1.0 - share),
+        jacobian=base.slopes,
+        is_fitted=free_unknowns(track).tolist(),
+        explanations=_explanations(base, n, variance, noise_variance),
+    )
+    about = "" if base.null.source == "standstill" else "; no standstill gives the noise"
+    table = dict(misfit_table(test).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
+    prediction = base.prediction(free_unknowns(track), noise_variance)
+    if prediction is not None:
+        table["prediction"] = prediction.table()
+    return replace(judge_misfit(misfit, track.model.parameters, table, about, has_layer(track.model)), settles=SETTLED)
+
+
+def _explanations(base: RefittedModel, count: int, variance: float, noise_variance: float) -> dict[str, Explanation]:
+    """Return, by reason, the alternatives whose refit lowers the residual's variance [N^2].
+
+    The gain, a chi square of as many degrees of freedom as the alternative adds numbers, is the decrease of the sum of
+    the `count` squares over the variance of the noise [N^2].
+    """
     explanations = {}
     for other in base.others:
-        gain = n * max(variance - float(np.var(other.residual)), 0.0) / noise
+        gain = count * max(variance - float(np.var(other.residual)), 0.0) / noise_variance
         shifts = np.max(np.abs(other.candidates - base.fit.theta), axis=0)
         if other.reason and gain > 0:
             chance = chance_of_more(max(other.extra, 1), gain)
-            explanations[other.reason] = Explanation(gain, other.extra, chance, n, shifts)
-    force = base.course.force[base.course.used]
-    misfit = Misfit(
-        min(found.p, base.p), variance * share, float(np.std(force)), n * share / (1.0 - share), base.slopes,
-        free_unknowns(track).tolist(), explanations,
-    )  # fmt: skip
-    about = "" if base.null.source == "standstill" else "; no standstill gives the noise"
-    prediction = base.prediction(free_unknowns(track), noise)
-    table = dict(misfit_table(found).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
-    table |= {"prediction": prediction.table()} if prediction else {}
-    return replace(judge_misfit(misfit, track.model.parameters, table, about, has_layer(track.model)), settles=SETTLED)
+            explanations[other.reason] = Explanation(gain, other.extra, chance, count, shifts)
+    return explanations

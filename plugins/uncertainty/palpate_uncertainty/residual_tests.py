@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from palpate import Floats, Samples, TrackEvidence
 from palpate_kit.numerics.tip_travel import zero_phase_motion
 
+from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.causes import cause_of
 from palpate_uncertainty.discrepancy import FARTHEST, NEARLY, Explanation, Misfit
-from palpate_uncertainty.model_alternatives import refit
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, make_course, zero_without_air
 from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise

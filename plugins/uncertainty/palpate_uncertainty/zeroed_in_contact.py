@@ -10,7 +10,7 @@ from palpate import Flag, Floats, TrackEnd, TrackEvidence, contact_force
 from palpate_kit.budget.influence import effects_by_name
 from palpate_kit.terminal.phrase import Quantity, quantity_text
 
-from palpate_uncertainty.model_alternatives import Refit, refit
+from palpate_uncertainty.alternative_fit import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible
 from palpate_uncertainty.refitted_model import judged_rows
 
