@@ -14,11 +14,11 @@ from palpate_fits.unknowns import Unknowns
 
 # Rise of chi square from which on no surface above the first sample explains the way in. A constant force alone reaches
 # 15 once in 1000 records; air that passes for contact costs certainty, and the opposite the truth.
-AIR_EVIDENCE = 25.0
-FORCE_ROUNDING = 1e-5  # of the range of the force: residual of a record without noise
-FEWEST = 5  # samples for each unknown
+AIR_EVIDENCE = 25.0  # chi square of one degree of freedom; 5 sigma (choice)
+FORCE_ROUNDING = 1e-5  # of the range of the force (choice): residual of a record without noise
+MIN_SAMPLES = 5  # for each unknown (choice)
 
-# Of samples and unknowns: sum of squares [N^2] that a fit leaves, and how many independent samples that is of.
+# From samples and unknowns: the sum of squared residuals of a fit [N^2], and how many independent samples it is of.
 Misfit = Callable[[Samples, Unknowns], tuple[float, float]]
 
 
@@ -26,29 +26,35 @@ def begins_in_contact(samples: Samples, unknowns: Unknowns, misfit: Misfit) -> b
     """Return True if nothing shows that a record begins in air: likelihood ratio of two surfaces on the way in.
 
     A force that nobody has zeroed has a rise where a contact detector looks for the first touch, though the tip touched
-    before. Contact from the start is the same fit with the surface at the first sample or above. Raises NotFitted where
-    the tip never touches.
+    before. So the way in to the deepest point is fitted twice: with the surface anywhere, and at the first sample or
+    above it, which is contact from the start. With sums of squares S and S_above of n independent residuals the ratio
+    is chi^2 = n (S_above - S)/S; the record begins in air where it is at least 25. Raises NotFitted where the tip never
+    touches.
     """
-    course, surface = passage(samples), unknowns.items[unknowns.index("surface")]
+    course = passage(samples)
     if samples.contact[0]:
         return True
+    # The way in of the first cycle, all of it taken as contact.
     deepest = int(np.argmin(np.where(course.cycle <= 1, samples.position, np.inf)))
     approach = touching_from_start(samples)[: deepest + 1]
     approach = approach[np.isfinite(approach.force)]
-    if not surface.free or len(approach) < FEWEST * len(unknowns.free):
+    surface = unknowns.items[unknowns.index("surface")]
+    if not surface.free or len(approach) < MIN_SAMPLES * len(unknowns.free):
         return False
-    above = unknowns.changed("surface", lower=max(surface.lower, float(approach.position.max())))
+    surface_above = unknowns.changed("surface", lower=max(surface.lower, float(approach.position.max())))
     try:
-        (squares, independent), (squares_above, _) = misfit(approach, unknowns), misfit(approach, above)
+        squares, independent_samples = misfit(approach, unknowns)
+        squares_above, _ = misfit(approach, surface_above)
     except NotFitted:
         return False
-    rounding = len(approach) * (FORCE_ROUNDING * float(np.ptp(approach.force))) ** 2
-    return independent * (squares_above - squares) < AIR_EVIDENCE * max(squares, rounding)
+    rounding_squares = len(approach) * (FORCE_ROUNDING * float(np.ptp(approach.force))) ** 2
+    return independent_samples * (squares_above - squares) < AIR_EVIDENCE * max(squares, rounding_squares)
 
 
 def touching_from_start(samples: Samples) -> Samples:
-    """Return the samples with all of them before the first touch in contact, and active where that touch is."""
+    """Return the samples with all before the first touch in contact, and active if the touch is."""
     contact, active = samples.contact.copy(), samples.active.copy()
-    first = int(np.argmax(contact))
-    contact[:first], active[:first] = True, active[first]
+    touch = int(np.argmax(contact))
+    contact[:touch] = True
+    active[:touch] = active[touch]
     return replace(samples, contact=contact, active=active)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-_SMALL = 0.25  # of forgetting in an interval, below which series are exact
-_TERMS = 10
+_SERIES_BELOW = 0.25  # z of an interval, below which the moments are taken from their series
+_SERIES_TERMS = 10  # the next one is at most 0.25^10/11!, 2e-14 of the first
 
 
 def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> Any | None:
-    """States (k, 1) after an interval, from slopes dq/dt = l - c q at shares 0, 1/2 and 1 of it; None of any others.
+    """Return states (k, 1) after an interval, from slopes dq/dt = l - c q at shares 0, 1/2 and 1 of it.
+
+    None where the rates of the states depend on them, or on each other.
 
     q(h) = e^-z q(0) + h int_0^1 e^(-z (1 - u)) l(u) du with z = h c by Simpson's rule and l the parabola through its
     three values: an exponential integrator (Hochbruck and Ostermann 2010), exact for any z where c stays the same and l
@@ -23,33 +25,42 @@ def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> A
     for share in (0.0, 0.5, 1.0):
         change = slope(share, memory)
         jacobian = ca.jacobian(change, memory)
-        if (jacobian.sparsity() + ca.Sparsity.diag(count)).nnz() > count or ca.depends_on(jacobian, memory):
+        is_diagonal = (jacobian.sparsity() + ca.Sparsity.diag(count)).nnz() <= count
+        if not is_diagonal or ca.depends_on(jacobian, memory):
             return None
         rates.append(-ca.diag(jacobian))
         loads.append(ca.substitute(change, memory, ca.SX.zeros(count)))
+    # Simpson's rule for the rate c over the interval.
     z = step * (rates[0] + 4.0 * rates[1] + rates[2]) / 6.0
+    # The parabola l = l0 + l1 u + l2 u^2 through the loads at u = 0, 1/2, 1, and its integral.
     first, middle, last = loads
-    constant, linear, square = _moments(z)
-    rising = -3.0 * first + 4.0 * middle - last
-    bent = 2.0 * first - 4.0 * middle + 2.0 * last
-    return ca.exp(-z) * memory + step * (first * constant + rising * linear + bent * square)
+    linear = -3.0 * first + 4.0 * middle - last
+    quadratic = 2.0 * first - 4.0 * middle + 2.0 * last
+    moment_0, moment_1, moment_2 = _moments(z)
+    return ca.exp(-z) * memory + step * (first * moment_0 + linear * moment_1 + quadratic * moment_2)
 
 
 def _moments(z: Any) -> tuple[Any, Any, Any]:
-    """int_0^1 e^(-z (1 - u)) u^k du for k = 0, 1, 2."""
+    """Return the moments M_k = int_0^1 e^(-z (1 - u)) u^k du for k = 0, 1, 2.
+
+    M_0 = (1 - e^-z)/z and M_k = (1 - k M_(k-1))/z, which cancel for a small z: there M_k is the series
+    1/(k + 1) - z/((k + 1)(k + 2)) + z^2/((k + 1)(k + 2)(k + 3)) - ...
+    """
     import casadi as ca
 
-    small = z < _SMALL
-    away = ca.if_else(small, 1.0 + 0.0 * z, z)  # both branches are evaluated, and so are their slopes
-    near = ca.if_else(small, z, 0.0 * z)
-    found, before = [], None
+    # Both branches of a choice are evaluated, with their slopes: neither may divide by 0.
+    is_small = z < _SERIES_BELOW
+    large_z = ca.if_else(is_small, 1.0 + 0.0 * z, z)
+    small_z = ca.if_else(is_small, z, 0.0 * z)
+    moments = []
+    by_recursion: Any = None
     for k in range(3):
-        far = (1.0 - (ca.exp(-away) if before is None else k * before)) / away
+        subtrahend = ca.exp(-large_z) if by_recursion is None else k * by_recursion
+        by_recursion = (1.0 - subtrahend) / large_z
         term: Any = 1.0 / (k + 1.0)
-        series = term + 0.0 * near
-        for j in range(1, _TERMS):
-            term = -term * near / (k + j + 1.0)
+        series = term + 0.0 * small_z
+        for j in range(1, _SERIES_TERMS):
+            term = -term * small_z / (k + j + 1.0)
             series = series + term
-        found.append(ca.if_else(small, series, far))
-        before = far
-    return found[0], found[1], found[2]
+        moments.append(ca.if_else(is_small, series, by_recursion))
+    return moments[0], moments[1], moments[2]

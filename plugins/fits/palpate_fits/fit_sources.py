@@ -16,7 +16,7 @@ from palpate_kit.curves.file_facts import facts_beside
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.stated_facts import StatedFacts
-from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
+from palpate_kit.runs.replay_source import read_run_log, replay_source
 
 from palpate_fits.fact_report import report_listed, report_rig
 
@@ -30,48 +30,69 @@ def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError])
 def named_pipelines(
     sources: Sequence[Path], reader: Path | None, overrides: list[str], failures: dict[str, PalpateError]
 ) -> list[tuple[str, Pipeline]]:
-    """Return every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of
-    its own."""
-    found: list[tuple[str, Pipeline]] = []
-    taken: set[str] = set()
+    """Return the pipeline of each source, with only its offline fits, by a unique name.
+
+    A source is a pipeline file, a log that carries its pipeline, or a log that the pipeline file `reader` reads. One of
+    several that cannot be read is reported and added to `failures`; raises UserError for a single one, and ConsentError
+    for any.
+    """
+    pipelines: list[tuple[str, Pipeline]] = []
     stated: list[StatedFacts] = []
     for source in sources:
         try:
-            loaded = offline(_pipeline(source, reader, overrides, stated))
+            pipeline = offline(_pipeline(source, reader, overrides, stated))
         except UserError as error:
             if len(sources) == 1 or isinstance(error, ConsentError):
                 raise
             leave_out(str(source), error, failures)
             continue
-        stem = source.name.split(".")[0] or "log"
-        name = next(n for k in range(len(sources) + 1) if (n := stem if k == 0 else f"{stem}-{k + 1}") not in taken)
-        taken.add(name)
-        found.append((name, loaded))
+        pipelines.append((_unique_name(source, {name for name, _ in pipelines}), pipeline))
     report_rig(facts.path for facts in stated if facts.is_read and not facts.is_named)
     report_listed([facts.of_curve_list for facts in stated], len(stated))
-    return found
+    return pipelines
+
+
+def _unique_name(source: Path, names: set[str]) -> str:
+    """Return the name of a file up to its first dot, with a number from 2 on where `names` has it already."""
+    stem = source.name.split(".")[0] or "log"
+    name, number = stem, 1
+    while name in names:
+        number += 1
+        name = f"{stem}-{number}"
+    return name
 
 
 def _pipeline(source: Path, reader: Path | None, overrides: list[str], stated: list[StatedFacts]) -> Pipeline:
-    """Return the pipeline of a source; `stated` takes the facts of a file that are stated next to it."""
+    """Return the pipeline of a source; appends to `stated` the facts that are stated next to a log.
+
+    Raises ConfigurationError where the source does not exist or does not say how it is read.
+    """
     if not source.exists():
         raise ConfigurationError(f"{source}: no such file")
     if source.suffix == ".toml":
         return load_pipeline(source, overrides)
     if reader is None:
-        return _carried(source, overrides)
+        return _carried_pipeline(source, overrides)
     record = next((str(value) for keys, value in map(parsed_assignment, overrides) if keys[-1] == RECORD), None)
-    if (assignments := _of_fit_folder(source, reader, record)) is None:
-        device = log_device(load_pipeline(reader, overrides), reader)
-        facts = facts_beside(source, record, overrides)
-        stated.append(facts)
-        rig = [f"run.rig={json.dumps(str(facts.path.absolute()))}"] if facts.is_read and not facts.is_named else []
-        assignments = (f"device.{device}.file={json.dumps(str(source.resolve()))}", *rig, *facts.listed_assignments)
-    return load_pipeline(reader, [*assignments, *overrides])
+    assignments = _curve_assignments(source, reader, record)
+    if assignments is not None:
+        return load_pipeline(reader, [*assignments, *overrides])
+    # Any other log: it replaces the file of the reader's one log, with the facts next to it.
+    device = log_device(load_pipeline(reader, overrides), reader)
+    facts = facts_beside(source, record, overrides)
+    stated.append(facts)
+    file_assignments = [f"device.{device}.file={json.dumps(str(source.resolve()))}"]
+    if facts.is_read and not facts.is_named:
+        file_assignments.append(f"run.rig={json.dumps(str(facts.path.absolute()))}")
+    return load_pipeline(reader, [*file_assignments, *facts.listed_assignments, *overrides])
 
 
-def _of_fit_folder(source: Path, reader: Path, record: str | None) -> tuple[str, ...] | None:
-    """Return what makes the pipeline of a folder of fits that of one of its curves; None for any other file."""
+def _curve_assignments(source: Path, reader: Path, record: str | None) -> tuple[str, ...] | None:
+    """Return the assignments by which the pipeline of a folder of fits reads one of its curves.
+
+    None where the source is not one of them; raises ConfigurationError where it holds several and `record` none of
+    them.
+    """
     if reader.name != SETTINGS or not is_fit_folder(reader.parent):
         return None
     folder = FitFolder(reader.parent)
@@ -82,23 +103,21 @@ def _of_fit_folder(source: Path, reader: Path, record: str | None) -> tuple[str,
     return curve_assignments(folder, names[0]) if names else None
 
 
-def _carried(log: Path, overrides: list[str]) -> Pipeline:
+def _carried_pipeline(log: Path, overrides: list[str]) -> Pipeline:
     """Return the pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
-    carried = read_run_log(log)
-    if carried is None:
-        asked = f"say its tip, as in palpate fit {log} --tip 'sphere 3 mm', or say with --pipeline FILE what reads it"
-        raise ConfigurationError(f"{log}: is a log; {asked}")
-    source = replay_source(carried)
-    for assignment in overrides:
-        source.override(assignment)
-    pipeline = build_pipeline(source)
-    if not any(not track.estimator.online for track in pipeline.tracks):
-        pipeline = build_pipeline(_with_fit(carried, overrides))
+    run_log = read_run_log(log)
+    if run_log is None:
+        remedy = f"say its tip, as in palpate fit {log} --tip 'sphere 3 mm', or say with --pipeline FILE what reads it"
+        raise ConfigurationError(f"{log}: is a log; {remedy}")
+    pipeline = build_pipeline(_overridden(replay_source(run_log), overrides))
+    if all(track.estimator.online for track in pipeline.tracks):
+        with_fit = replay_source(run_log, ["*/casadi-fit"], ["casadi-fit"])
+        pipeline = build_pipeline(_overridden(with_fit, overrides))
     return pipeline
 
 
-def _with_fit(carried: RunLog, overrides: list[str]) -> Source:
-    source = replay_source(carried, ["*/casadi-fit"], ["casadi-fit"])
+def _overridden(source: Source, overrides: list[str]) -> Source:
+    """Return a source after its overrides."""
     for assignment in overrides:
         source.override(assignment)
     return source

@@ -15,82 +15,99 @@ from palpate_fits.residual import Residual
 from palpate_fits.solvers import Solution
 from palpate_fits.unknowns import Unknowns
 
-_STEP = 0.2  # of the depth over which contact sets in, 1 um in a palpation of 5 mm: no derivative is taken across it
-_SAMPLES = 20_000
-_AT_EDGE = 1e-3  # standard deviations
-_FARTHEST = {False: 0.1, True: 0.5}  # of a value; without and with memory
-_STEPS = 30
-_SETTLED = 0.02  # standard deviations
-_PATTERNS = 4  # of signs, of a model with memory
-_SEED = 20_260_000
+# Choices.
+_STEP_SHARE = 0.2  # of the depth over which contact sets in, 1 um of a palpation of 5 mm: no slope is taken across it
+_SAMPLES = 20_000  # of the thinned record
+_BOUND_DISTANCE = 1e-3  # [standard deviations], within which an unknown is at its bound
+_MAX_CORRECTION = 0.1  # of a value
+_MAX_CORRECTION_WITH_MEMORY = 0.5  # of a value
+_MAX_STEPS = 30  # of the iteration with memory
+_LAST_STEP = 0.02  # [standard deviations], below which the iteration has converged
+_SIGN_PATTERNS = 4  # over which the sums of a model with memory are averaged
+_SEED = 20_260_000  # of the signs
+_MIN_HEIGHT_NOISE = 1e-12  # [m] in a quotient, in place of 0: below any resolution
 
 
 def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) -> float:
-    """Standard deviation [N] that the noise of the height gives the residual: its own times the RMS of its slopes."""
+    """Return the standard deviation [N] of the residual by the noise of the height: that times the RMS of dr/dz."""
     thinned = record if residual.model.memory else record.thinned(_SAMPLES)
     slopes = [
-        (residual.errors(high, above) - residual.errors(low, below)) / (2 * _STEP * record.transition)
+        (residual.errors(high, above) - residual.errors(low, below)) / (2 * _STEP_SHARE * record.transition)
         for (high, above), (low, below) in _displacements(residual, thinned, x, surface)
     ]
     return record.height_noise * float(np.sqrt(np.mean(np.square(slopes)[:, thinned.used])))
 
 
 def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> Solution:
-    """Return the minimum without what the noise of the height has taken from it (errors in variables).
+    """Return the minimum corrected for the noise of the height (errors in variables).
 
     With noise of standard deviation s on every height z_j the sum of squares grows by s^2 sum (dr_i/dz_j)^2, which a
     softer material makes smaller. So this solves J^T r = s^2 sum dr_i/dz_j d(dr_i/dz_j)/dtheta (Fuller
-    1987, section 3.2), by steps of (J^T J)^-1 from the minimum: one where the model has no memory, else until they end,
-    for what hardly exceeds the noise is moved by more than first order. Without memory a height concerns its own
-    sample only. With it, it concerns all that follow, and the double sums are means over heights displaced by random
-    signs (Hutchinson 1990). Bounds hold; where no end is near, the minimum stays.
+    1987, section 3.2), by steps of (J^T J)^-1 from the minimum: one where the model has no memory, else until they are
+    small, since an estimate that hardly exceeds its noise is corrected by more than first order. Without memory a
+    height concerns its own sample only. With it, it concerns all samples that follow, and the double sums are means
+    over heights displaced by random signs (Hutchinson 1990). Bounds hold. The minimum is returned unchanged where the
+    steps do not become small, or lead farther than a tenth of a value (half with memory).
     """
-    free = list(residual.free)
+    free, has_memory = list(residual.free), bool(residual.model.memory)
     if not free:
         return solution
-    thinned = record if residual.model.memory else record.thinned(_SAMPLES)
+    thinned = record if has_memory else record.thinned(_SAMPLES)
     low, high = unknowns.bounds(free)
-    place = unknowns.index("surface")
-    loose, x, first = _loose(residual, thinned, unknowns, solution), solution.x.copy(), np.zeros(len(free))
-    for step in range(_STEPS if residual.model.memory else 1):
-        square = residual.normal(thinned, x)
-        first = square[1:, 0] if step == 0 else first  # of a thinned record not 0 at the minimum
-        pull = _pull(residual, thinned, x, place) * record.height_noise**2
-        inverse, moved = scaled_inverse(square[1:, 1:][np.ix_(loose, loose)]), np.zeros(len(free))
-        moved[loose] = inverse @ (pull - square[1:, 0] + first)[loose]
-        before, x[free] = x[free], np.where(loose, np.clip(x[free] + moved, low, high), x[free])
-        share = [abs(a - b) / abs(b) for a, b, i in zip(x[free], solution.x[free], free) if i != place and b]
-        if not np.isfinite(x).all() or max(share, default=0.0) > _FARTHEST[bool(residual.model.memory)]:
+    surface = unknowns.index("surface")
+    inner = _inside_bounds(residual, thinned, unknowns, solution)
+    std = _residual_std(record, solution)
+    x, first_gradient = solution.x.copy(), np.zeros(len(free))
+    for step in range(_MAX_STEPS if has_memory else 1):
+        normal = residual.normal(thinned, x)
+        gradient = normal[1:, 0]
+        if step == 0:
+            first_gradient = gradient  # 0 at the minimum of the whole record, and not of a thinned one
+        attenuation = _attenuation_gradient(residual, thinned, x, surface) * record.height_noise**2
+        inverse = scaled_inverse(normal[1:, 1:][np.ix_(inner, inner)])
+        change = np.zeros(len(free))
+        change[inner] = inverse @ (attenuation - gradient + first_gradient)[inner]
+        previous = x[free]
+        x[free] = np.where(inner, np.clip(previous + change, low, high), previous)
+        if not np.isfinite(x).all() or _is_far(x, solution.x, [i for i in free if i != surface], has_memory):
             return solution
-        if np.all(np.abs(x[free] - before)[loose] < _SETTLED * _sigma(record, solution) * np.sqrt(inverse.diagonal())):
+        if np.all(np.abs(x[free] - previous)[inner] < _LAST_STEP * std * np.sqrt(inverse.diagonal())):
             break
     else:
-        if residual.model.memory:
+        if has_memory:
             return solution
     return replace(solution, x=x, moved=x - solution.x)
 
 
-def _pull(residual: Residual, record: FitRecord, x: Floats, surface: int) -> Floats:
-    """Half of the gradient (p,) of sum (dr_i/dz_j)^2 by the free unknowns [1/m^2]."""
-    found = np.zeros(len(residual.free))
-    for (higher, above), (lower, below) in _displacements(residual, record, x, surface):
-        high, rising = residual.whole(higher, above)
-        low, falling = residual.whole(lower, below)
-        found += (rising - falling).T @ (high - low) / (4 * (_STEP * record.transition) ** 2)
-    return found / (_PATTERNS if residual.model.memory else 1)
+def _is_far(x: Floats, minimum: Floats, places: list[int], has_memory: bool) -> bool:
+    """Return True if the parameter of any place has been corrected by more than the largest share of its value."""
+    shares = [abs(x[i] - minimum[i]) / abs(minimum[i]) for i in places if minimum[i]]
+    return max(shares, default=0.0) > (_MAX_CORRECTION_WITH_MEMORY if has_memory else _MAX_CORRECTION)
 
 
-def _loose(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> NDArray[np.bool_]:
-    """Free unknowns (p,) that are not at a bound."""
+def _attenuation_gradient(residual: Residual, record: FitRecord, x: Floats, surface: int) -> Floats:
+    """Return half of the gradient (p,) of sum (dr_i/dz_j)^2 by the free unknowns [1/m^2], by central differences."""
+    gradient = np.zeros(len(residual.free))
+    for (record_up, x_up), (record_down, x_down) in _displacements(residual, record, x, surface):
+        residual_up, jacobian_up = residual.whole(record_up, x_up)
+        residual_down, jacobian_down = residual.whole(record_down, x_down)
+        square_step = 4 * (_STEP_SHARE * record.transition) ** 2
+        gradient += (jacobian_up - jacobian_down).T @ (residual_up - residual_down) / square_step
+    return gradient / (_SIGN_PATTERNS if residual.model.memory else 1)
+
+
+def _inside_bounds(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> NDArray[np.bool_]:
+    """Return True (p,) for the free unknowns that are not at a bound."""
     free = list(residual.free)
     values, (low, high) = solution.x[free], unknowns.bounds(free)
     inverse = scaled_inverse(residual.normal(record, solution.x)[1:, 1:])
-    edge = _AT_EDGE * _sigma(record, solution) * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
-    return np.asarray((values - low > edge) & (high - values > edge))
+    std = _residual_std(record, solution) * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
+    margin = _BOUND_DISTANCE * std
+    return np.asarray((values - low > margin) & (high - values > margin))
 
 
-def _sigma(record: FitRecord, solution: Solution) -> float:
-    """Standard deviation of the residual [N]."""
+def _residual_std(record: FitRecord, solution: Solution) -> float:
+    """Return the standard deviation of the residual [N]."""
     return float(np.sqrt(2.0 * solution.cost / max(int(np.count_nonzero(record.used)), 1)))
 
 
@@ -100,15 +117,18 @@ _Displaced = tuple[FitRecord, Floats]
 def _displacements(
     residual: Residual, record: FitRecord, x: Floats, surface: int
 ) -> Iterator[tuple[_Displaced, _Displaced]]:
-    """Pairs of records and parameters at depths that are larger and smaller by a step."""
+    """Yield pairs of records and parameters whose depths are larger, and smaller, by a step.
+
+    Without memory by the surface; with memory by heights and rates of the samples, with random signs.
+    """
     if record.history is None or not residual.model.memory:
         up, down = x.copy(), x.copy()
-        up[surface] += _STEP * record.transition
-        down[surface] -= _STEP * record.transition
+        up[surface] += _STEP_SHARE * record.transition
+        down[surface] -= _STEP_SHARE * record.transition
         yield (record, up), (record, down)
         return
     random = np.random.default_rng(_SEED)
-    for _ in range(_PATTERNS):
-        step, rate_step = _STEP * record.transition * random.choice([-1.0, 1.0], (2, len(record)))
-        rate_step = rate_step * (record.rate_noise / max(record.height_noise, 1e-12))
+    for _ in range(_SIGN_PATTERNS):
+        step, rate_step = _STEP_SHARE * record.transition * random.choice([-1.0, 1.0], (2, len(record)))
+        rate_step = rate_step * (record.rate_noise / max(record.height_noise, _MIN_HEIGHT_NOISE))
         yield (record.displaced(step, rate_step), x), (record.displaced(-step, -rate_step), x)

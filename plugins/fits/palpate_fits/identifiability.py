@@ -1,4 +1,4 @@
-"""What a record can distinguish, and what it cannot."""
+"""Identifiability: unknowns without an effect on the force, and pairs that a record cannot distinguish."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.numerics.normal_equations import symmetric_inverse
 
-_WORTH_SAYING = 0.9
-INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were
+_LISTED_CORRELATION = 0.9  # from which on a pair is listed (choice)
+INDISTINCT = 0.998  # correlation from which on one of two would be 1/sqrt(1 - rho^2) = 15 times better known alone
+_SINGULAR = 1e-15  # of the largest eigenvalue of J^T J, columns of length 1: the rounding of a double
 
 
 def identifiability(square: Floats, names: list[str], free: int) -> dict[str, Any]:
-    """Unknowns without an effect, and pairs of them by their correlation, from J^T J (k, k) of a Jacobian.
+    """Return unknowns without an effect, and pairs of them by their correlation, from J^T J (k, k) of a Jacobian.
 
     The first `free` columns are those of the fit; the others are causes that were not fitted, each of which is set
     against every fitted one as if it had been. A pair's correlation is that of the estimates, all free unknowns open.
     """
     lengths = np.sqrt(square.diagonal())
-    blind = [name for name, length in zip(names, lengths.tolist(), strict=True) if length == 0]
+    without_effect = [name for name, length in zip(names[:free], lengths.tolist(), strict=False) if length == 0]
     lengths[lengths == 0] = 1.0
     scaled = square / (lengths[:, None] * lengths)
     pairs = []
@@ -31,16 +32,16 @@ def identifiability(square: Floats, names: list[str], free: int) -> dict[str, An
         rows = [*range(free), other]
         extended = correlations(scaled[np.ix_(rows, rows)])
         pairs += [(names[i], names[other], float(extended[i, -1]), False) for i in range(free)]
-    pairs = [pair for pair in pairs if abs(pair[2]) >= _WORTH_SAYING]
+    pairs = [pair for pair in pairs if abs(pair[2]) >= _LISTED_CORRELATION]
     pairs.sort(key=lambda pair: -abs(pair[2]))
     return {
         "pairs": [{"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs],
-        "without_effect": [name for name in blind if name in names[:free]],
+        "without_effect": without_effect,
     }
 
 
 def condition(jacobian: Floats) -> dict[str, Any]:
-    """Singular values of a Jacobian (n, k) with columns of length 1, and the ratio of the largest to the smallest."""
+    """Return the singular values of a Jacobian (n, k) with columns of length 1, and largest over smallest."""
     lengths = np.sqrt(np.sum(jacobian**2, axis=0))
     scaled = jacobian / np.where(lengths > 0, lengths, 1.0)
     values = np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) if len(lengths) else np.zeros(0)
@@ -51,10 +52,10 @@ def condition(jacobian: Floats) -> dict[str, Any]:
 
 
 def correlations(square: Floats) -> Floats:
-    """Correlation (k, k) of the estimates that belong to J^T J (k, k), columns of J of length 1."""
+    """Return the correlation (k, k) of the estimates that belong to J^T J (k, k), columns of J of length 1."""
     if not len(square):
         return np.zeros((0, 0))
-    inverse = symmetric_inverse(square, 1e-15)
+    inverse = symmetric_inverse(square, _SINGULAR)
     variance = inverse.diagonal()
     std = np.sqrt(np.where(variance > 0, variance, 1.0))
     return np.asarray(np.minimum(np.maximum(inverse / (std[:, None] * std), -1.0), 1.0))

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from palpate import Floats
 
+_MIN_SIZE = 1e-9  # |r|/s in place of 0, of which the slope of the root of the loss has no value (choice)
+
 
 @dataclass(frozen=True)
 class LossFunction:
@@ -17,23 +19,26 @@ class LossFunction:
     scale: float = 1.0
 
     def scaled(self, values: Floats) -> Floats:
-        """[r, J] (n, 1 + p) such that the plain sum of squares of the first column is the loss, with its Jacobian."""
+        """Return [sign(r) sqrt(rho), its Jacobian] (n, 1 + p) of values [r, J]: the plain sum of squares is the loss.
+
+        The Jacobian is rho'(r)/(2 sqrt(rho)) J.
+        """
         if self.kind == "linear":
             return values
-        r = values[:, 0]
-        size = np.maximum(np.abs(r) / self.scale, 1e-9)
-        root = self.scale * np.sqrt(self._of(size))
+        residual = values[:, 0]
+        size = np.maximum(np.abs(residual) / self.scale, _MIN_SIZE)
+        root = self.scale * np.sqrt(self._rho(size))
         slope = self._slope(size) * size * self.scale / root
-        return np.column_stack([np.sign(r) * root, slope[:, None] * values[:, 1:]])
+        return np.column_stack([np.sign(residual) * root, slope[:, None] * values[:, 1:]])
 
-    def _of(self, size: Floats) -> Floats:
-        """rho/s^2 at |r|/s."""
+    def _rho(self, size: Floats) -> Floats:
+        """Return rho/s^2 (n,) at sizes |r|/s."""
         if self.kind == "huber":
             return np.asarray(np.where(size <= 1, size**2, 2 * size - 1))
         return np.asarray(2.0 * size**2 / (np.sqrt(1 + size**2) + 1))  # 2 (sqrt(1 + z^2) - 1) without cancellation
 
     def _slope(self, size: Floats) -> Floats:
-        """rho'(r)/(2 r)."""
+        """Return rho'(r)/(2 r) (n,) at sizes |r|/s."""
         if self.kind == "huber":
             return np.asarray(np.where(size <= 1, 1.0, 1.0 / size))
         if self.kind == "soft-l1":
@@ -41,7 +46,7 @@ class LossFunction:
         return np.ones_like(size)
 
     def influence(self, residual: Floats) -> tuple[Floats, Floats]:
-        """psi = rho'/2 (n,) and its derivative (n,) at residuals (n,): what robust standard deviations are made of."""
+        """Return psi = rho'/2 (n,) and its derivative (n,) at residuals (n,), for robust covariances."""
         size = np.abs(residual) / self.scale
         if self.kind == "huber":
             return residual * self._slope(size), np.where(size <= 1, 1.0, 0.0)

@@ -11,33 +11,39 @@ from palpate import Flag, Floats
 from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.loss import LossFunction
-from palpate_fits.record_arrays import FitRecord, make_record
+from palpate_fits.record_arrays import PARTS, FitRecord, make_record
 from palpate_fits.residual import Residual
 from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.unknowns import EXTRAS, Unknowns
 
-_TIMES = 6  # of each relaxation time, evenly in its logarithm
-_SAMPLES = 1500  # of the record that is searched on
-_SHORTEST, _LONGEST = 2.0, 0.5  # relaxation times tried: sample intervals, shares of the record
-_BEYOND = 10.0  # lengths of the record
-_ROUGH = 15  # evaluations of each start
-_VISCOUS = (0.1, 1.0, 10.0)
-_SIGMAS, _ANOTHER = 3.0, 0.25  # of a minimum that is as good; share of a value by which it is another
-_FINISHED = 2  # starts that are followed to the end
+# Choices, of the search from several starts.
+_GRID_TIMES = 6  # of each relaxation time, evenly in its logarithm
+_COARSE_SAMPLES = 1500  # of the record that is searched on
+_SHORTEST_TIME = 2.0  # [sample intervals] of the relaxation times that are tried
+_LONGEST_TIME = 0.5  # [lengths of the record] of the relaxation times that are tried
+_MAX_TIME = 10.0  # [lengths of the record], beyond which a relaxation does not show
+_ROUGH_EVALUATIONS = 15  # of each start
+_VISCOSITY_FACTORS = (0.1, 1.0, 10.0)
+_FINISHED_STARTS = 2  # that are followed to their minimum
+_START_GAIN = 1e-9  # of the cost, below which a step towards the minimum near a start is the last one
+# Choices, of another minimum.
+_PLAUSIBLE_SIGMAS = 3.0  # within which it describes the record as well
+_DISTINCT_SHARE = 0.25  # of a value, by which it is another one
+_LAW_STD_SHARE = 0.5  # of a model's law_error, as its standard uncertainty
 
 
 def times_of(unknowns: Unknowns) -> list[int]:
-    """Places of the free relaxation times of a model."""
+    """Return the places of the free relaxation times of a model."""
     return [i for i in unknowns.free if unknowns.items[i].unit == "s" and unknowns.items[i].name not in EXTRAS]
 
 
 def with_times_that_show(unknowns: Unknowns, record: FitRecord) -> Unknowns:
-    """The unknowns with relaxation times between the interval of the samples and ten times the length of the record.
+    """Return the unknowns with relaxation times from the interval of the samples to ten times the record's length.
 
     Beyond either end the record is that of a model without the relaxation, which a flag says: at a bound.
     """
-    low = float(np.median(record.columns[1:, 6]))
-    high = _BEYOND * _span(record)
+    low = _sample_interval(record)
+    high = _MAX_TIME * _duration(record)
     for place in times_of(unknowns):
         item = unknowns.items[place]
         if max(low, item.lower) < min(high, item.upper):
@@ -59,17 +65,20 @@ def solve_from_many(
     times = times_of(unknowns)
     others = tuple(place for place in unknowns.free if place not in times)
     coarse = _coarse(record)
-    found: list[tuple[float, int, Floats]] = []
-    for values in product(*(_grid(unknowns, place, coarse) for place in times)):
+    # The others at each point of the grid, roughly.
+    rough_fits: list[Solution] = []
+    for values in product(*(_time_grid(unknowns, place, coarse) for place in times)):
         start = x.copy()
         start[times] = values
-        one = solve_trf(residual_of(others), unknowns, coarse, start, loss, _ROUGH)
-        if np.isfinite(one.cost):
-            found.append((one.cost, len(found), one.x))
-    found.sort(key=lambda item: item[:2])
+        rough_fit = solve_trf(residual_of(others), unknowns, coarse, start, loss, _ROUGH_EVALUATIONS)
+        if np.isfinite(rough_fit.cost):
+            rough_fits.append(rough_fit)
+    rough_fits.sort(key=lambda fit: fit.cost)
+    # All unknowns, from the best points.
     residual = residual_of(tuple(unknowns.free))
-    ended = [solve_trf(residual, unknowns, record, start, loss) for _, _, start in found[:_FINISHED]]
-    return min(ended, key=lambda solution: solution.cost) if ended else solve_trf(residual, unknowns, record, x, loss)
+    starts = [fit.x for fit in rough_fits[:_FINISHED_STARTS]] or [x]
+    minima = [solve_trf(residual, unknowns, record, start, loss) for start in starts]
+    return min(minima, key=lambda solution: solution.cost)
 
 
 def solve_or_try_others(
@@ -79,32 +88,33 @@ def solve_or_try_others(
     x: Floats,
     loss: LossFunction,
 ) -> Solution:
-    """Return the minimum from one start; where that leads to none, the best from viscosities ten times smaller and
-    larger."""
+    """Return the minimum from one start; without one, the best from viscosities ten times smaller and larger."""
     residual = residual_of(tuple(unknowns.free))
-    found = solve_trf(residual, unknowns, record, x, loss)
-    places = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
-    if found.converged or not places:
-        return found
-    coarse, tried = _coarse(record), list[Solution]()
-    for factors in product(_VISCOUS, repeat=len(places)):
+    solution = solve_trf(residual, unknowns, record, x, loss)
+    viscosities = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
+    if solution.converged or not viscosities:
+        return solution
+    coarse = _coarse(record)
+    rough_fits: list[Solution] = []
+    for factors in product(_VISCOSITY_FACTORS, repeat=len(viscosities)):
         start = x.copy()
-        start[places] *= factors
-        tried.append(solve_trf(residual, unknowns, coarse, start, loss, _ROUGH))
-    best = min((one for one in tried if np.isfinite(one.cost)), key=lambda one: one.cost, default=found)
+        start[viscosities] *= factors
+        rough_fits.append(solve_trf(residual, unknowns, coarse, start, loss, _ROUGH_EVALUATIONS))
+    finite_fits = (fit for fit in rough_fits if np.isfinite(fit.cost))
+    best = min(finite_fits, key=lambda fit: fit.cost, default=solution)
     other = solve_trf(residual, unknowns, record, best.x, loss)
-    return other if other.cost < found.cost or not np.isfinite(found.cost) else found
+    return other if other.cost < solution.cost or not np.isfinite(solution.cost) else solution
 
 
 def solve_from_each(
     residual: Residual, unknowns: Unknowns, record: FitRecord, starts: Sequence[Floats], loss: LossFunction
 ) -> list[Solution]:
     """Return the minima near some starts, the least first; raises NotFitted without any."""
-    found = [solve_lm(residual, unknowns, record, x, loss, gain=1e-9) for x in starts]
-    found = sorted((one for one in found if np.isfinite(one.cost)), key=lambda one: one.cost)
-    if not found:
+    minima = [solve_lm(residual, unknowns, record, x, loss, gain=_START_GAIN) for x in starts]
+    finite_minima = [minimum for minimum in minima if np.isfinite(minimum.cost)]
+    if not finite_minima:
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
-    return found
+    return sorted(finite_minima, key=lambda minimum: minimum.cost)
 
 
 def rivals(
@@ -117,42 +127,55 @@ def rivals(
 ) -> Iterator[Flag]:
     """Yield a note on values that are others at another minimum which describes a record as well.
 
-    As well is what three standard deviations of the residual allow, and what the model's law may itself be off.
+    As well is a cost C (half of the sum of squares of n samples, p unknowns) that is higher by at most
+    (3^2 s^2 + sum l_i^2)/2, s^2 = 2 C/(n - p) and l the standard uncertainty of the force by the model's law [N].
     """
-    few, names = max(len(record) - len(residual.free), 1), [one.name for one in residual.model.parameters]
-    law = 0.5 * residual.model.law_error * record.weight * record.force
-    allowed = 0.5 * (_SIGMAS**2 * 2.0 * best.cost / few + float(law @ law))
-    apart: dict[str, float] = {}
-    for one in (solve_lm(residual, unknowns, record, other.x, loss) for other in minima):
-        if one.cost - best.cost <= allowed:
-            for place in residual.free[: len(names)]:
-                far = abs(float(one.x[place] - best.x[place]))
-                if place < len(names) and far > _ANOTHER * abs(best.x[place]):
-                    apart[names[place]] = max(far, apart.get(names[place], 0.0))
-    if apart:
-        units = {one.name: one.unit for one in residual.model.parameters}
-        moved = ", ".join(f"{name} by {size:.3g} {units[name]}" for name, size in apart.items())
-        yield Flag("undetermined", f"another minimum describes the record as well, and moves {moved}", effects=apart)
+    freedom = max(len(record) - len(residual.free), 1)
+    law_error = _LAW_STD_SHARE * residual.model.law_error * record.weight * record.force
+    max_rise = 0.5 * (_PLAUSIBLE_SIGMAS**2 * 2.0 * best.cost / freedom + float(law_error @ law_error))
+    parameters = residual.model.parameters
+    free_parameters = [place for place in residual.free if place < len(parameters)]
+    distances: dict[str, float] = {}
+    for start in minima:
+        minimum = solve_lm(residual, unknowns, record, start.x, loss)
+        if minimum.cost - best.cost > max_rise:
+            continue
+        for place in free_parameters:
+            name, distance = parameters[place].name, abs(float(minimum.x[place] - best.x[place]))
+            if distance > _DISTINCT_SHARE * abs(best.x[place]):
+                distances[name] = max(distance, distances.get(name, 0.0))
+    if distances:
+        units = {parameter.name: parameter.unit for parameter in parameters}
+        moved = ", ".join(f"{name} by {size:.3g} {units[name]}" for name, size in distances.items())
+        text = f"another minimum describes the record as well, and moves {moved}"
+        yield Flag("undetermined", text, effects=distances)
 
 
-def _span(record: FitRecord) -> float:
-    return float(record.columns[-1, 4] - record.columns[0, 4])
+def _duration(record: FitRecord) -> float:
+    """Return the duration of a record [s]."""
+    return float(record.time[-1] - record.time[0])
 
 
-def _grid(unknowns: Unknowns, place: int, record: FitRecord) -> Sequence[float]:
+def _sample_interval(record: FitRecord) -> float:
+    """Return the median interval of the samples [s] of a record with a history."""
+    return float(np.median(record.columns[1:, len(PARTS)]))
+
+
+def _time_grid(unknowns: Unknowns, place: int, record: FitRecord) -> Sequence[float]:
+    """Return the relaxation times [s] that are tried of the unknown at a place; its value alone where it has one."""
     item = unknowns.items[place]
-    low = max(_SHORTEST * float(np.median(record.columns[1:, 6])), item.lower)
-    high = max(min(_LONGEST * _span(record), item.upper), low)
     if item.value is not None:
         return (item.value,)
-    return tuple(np.geomspace(low, high, _TIMES).tolist())
+    low = max(_SHORTEST_TIME * _sample_interval(record), item.lower)
+    high = max(min(_LONGEST_TIME * _duration(record), item.upper), low)
+    return tuple(np.geomspace(low, high, _GRID_TIMES).tolist())
 
 
 def _coarse(record: FitRecord) -> FitRecord:
-    """Return every so many samples of a record, with intervals and samples before as they then are."""
-    step = -(-len(record) // _SAMPLES)
+    """Return every n-th sample of a record, 1500 at most, with a history of the samples that are left."""
+    step = -(-len(record) // _COARSE_SAMPLES)
     if step == 1:
         return record
-    smooth = record.columns[::step, 7]
+    smooth = record.columns[::step, len(PARTS) + 1]
     coarse = make_record([part[::step] for part in record.parts], smooth=(smooth, 1))
     return replace(coarse, transition=record.transition)

@@ -12,10 +12,16 @@ from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 from palpate_fits.unknowns import Unknowns
 
-_SAMPLES = 4000
-_EVALUATIONS = 25
+_SAMPLES = 4000  # of the thinned record (choice: time)
+_MAX_EVALUATIONS = 25  # of a minimum with one unknown held (choice)
+_INDEPENDENT_GAIN = 1e-7  # of the cost, over the samples: 3e-4 standard deviations from the minimum
+_MAX_SECANTS = 8  # to an end of an interval (choice)
+_END_TOLERANCE = 2e-3  # of the quantile, at an end (choice)
+_MIN_SECANT_STEP, _MAX_SECANT_STEP = 0.3, 3.0  # of the distance so far, in one step (choice)
+_SEARCH_FACTOR = 3.0  # from one step of the search for an upper end to the next (choice)
 _MAX_REACH = 1e6  # first steps, of the search for an upper end (choice)
 _END_ROUNDING = 0.02  # of the way to an upper end; a bound is printed with two digits
+_SMALLEST_SPREAD = 1e-300  # [N] in a quotient, in place of 0: near the smallest double
 
 
 class ProfileIntervals:
@@ -29,13 +35,13 @@ class ProfileIntervals:
         self._samples = len(record)
         self._free = list(residual.free)
         self._low, self._high = unknowns.bounds(self._free)
-        self._given = x[self._free]
+        self._estimate = x[self._free]
         self._x = x.copy()
-        self._minimum, self._cost = self._descend(self._given, None)
+        self._minimum, self._cost = self._descend(self._estimate, None)
         self._inverse = scaled_inverse(self._normal(self._minimum)[1:, 1:])
 
     def interval(self, place: int, std: float, quantile: float) -> tuple[float, float] | None:
-        """Both ends of the interval of the free unknown at a place, or None where they are not found.
+        """Return both ends of the interval of the free unknown at a place, or None where they are not found.
 
         They are where the cost has risen by t^2/2 of what it rises by for one standard uncertainty `std` of correlated
         residuals: the likelihood's shape, calibrated by the residual's real scatter.
@@ -48,7 +54,7 @@ class ProfileIntervals:
             ends = [self._end(j, side, std, quantile, variance) for side in (-1.0, 1.0)]
         if ends[0] is None or ends[1] is None:
             return None
-        shift = self._given[j] - self._minimum[j]
+        shift = self._estimate[j] - self._minimum[j]  # of the whole record against the thinned one
         low, high = float(ends[0] + shift), float(ends[1] + shift)
         return max(low, float(self._low[j])), min(high, float(self._high[j]))
 
@@ -58,26 +64,26 @@ class ProfileIntervals:
         `spread` [N] is the standard deviation of residuals as if independent: this serves at a minimum without
         curvature. The search triples the step until it is beyond the end, and bisects; None if the cost never rises so.
         """
-        value = float(self._given[self._free.index(place)])
+        value = float(self._estimate[self._free.index(place)])
         edge = float(self._high[self._free.index(place)])
         inside, reach = 0.0, step
         with np.errstate(over="ignore", invalid="ignore"):
             while self.distance(place, min(value + reach, edge), spread) < quantile:
                 if value + reach >= edge or reach > _MAX_REACH * step:
                     return None
-                inside, reach = reach, 3.0 * reach
+                inside, reach = reach, _SEARCH_FACTOR * reach
         return value + self._bisected(place, inside, reach, quantile, spread)
 
     def end_above(self, place: int, limit: float, quantile: float, spread: float) -> float:
         """Return the lower end alone, as `upper_end`; the limit [as the unknown] where the cost rises less up to it."""
-        value = float(self._given[self._free.index(place)])
+        value = float(self._estimate[self._free.index(place)])
         if value <= limit or self.distance(place, limit, spread) < quantile:
             return limit
         return value + self._bisected(place, 0.0, limit - value, quantile, spread)
 
     def _bisected(self, place: int, inside: float, outside: float, quantile: float, spread: float) -> float:
         """Return the distance from the value [as the unknown] at which the cost has risen by the quantile."""
-        value = float(self._given[self._free.index(place)])
+        value = float(self._estimate[self._free.index(place)])
         while abs(outside - inside) > _END_ROUNDING * abs(outside):
             middle = 0.5 * (inside + outside)
             is_inside = self.distance(place, value + middle, spread) < quantile
@@ -94,9 +100,11 @@ class ProfileIntervals:
 
         `spread` [N] as of `upper_end`.
         """
-        held_value = value - self._given[self._free.index(place)] + self._minimum[self._free.index(place)]
-        _, cost = self._descend(self._minimum, (self._free.index(place), held_value))
-        return float(np.sqrt(2.0 * max(cost - self._cost, 0.0))) / max(self._thinned_spread(spread), 1e-300)
+        j = self._free.index(place)
+        held_value = value - self._estimate[j] + self._minimum[j]
+        _, cost = self._descend(self._minimum, (j, held_value))
+        rise = float(np.sqrt(2.0 * max(cost - self._cost, 0.0)))
+        return rise / max(self._thinned_spread(spread), _SMALLEST_SPREAD)
 
     def _thinned_spread(self, spread: float) -> float:
         """Return the spread [N] that makes the thinned record say as much as the whole one."""
@@ -104,53 +112,66 @@ class ProfileIntervals:
 
     def with_held(self, place: int, value: float) -> Floats:
         """Return the free unknowns (p,) that fit best where the one at a place has a value."""
-        shift = self._given - self._minimum
+        shift = self._estimate - self._minimum
         j = self._free.index(place)
-        found = self._descend(self._minimum, (j, value - shift[j]))[0] + shift
-        return np.asarray(np.clip(found, self._low, self._high))
+        conditional, _ = self._descend(self._minimum, (j, value - shift[j]))
+        return np.asarray(np.clip(conditional + shift, self._low, self._high))
 
     def _end(self, j: int, side: float, std: float, quantile: float, variance: float) -> float | None:
-        """By the secant rule on the signed root of the rise, which is nearly a straight line."""
+        """Return the end of the j-th unknown's interval on a side (-1 or 1), or its bound; None where none is found.
+
+        The end is where the distance z(v) = sqrt(2 (C(v) - C_min) V_jj)/std, C(v) the cost with the unknown held at v
+        and V the inverse of the normal equations, is the quantile. z is nearly a straight line, and is solved for by
+        the secant rule.
+        """
         start, centre = self._minimum, self._minimum[j]
-        before, rise_before, reach = 0.0, 0.0, quantile * std
-        for _ in range(8):
-            edge = self._low[j] if side < 0 else self._high[j]
+        bound = self._low[j] if side < 0 else self._high[j]
+        previous_reach, previous_distance, reach = 0.0, 0.0, quantile * std
+        for _ in range(_MAX_SECANTS):
             value = centre + side * reach
-            if side * (value - edge) >= 0:
-                return float(edge)
+            if side * (value - bound) >= 0:
+                return float(bound)
             start, cost = self._descend(start, (j, value))
-            rise = float(np.sqrt(max(2.0 * (cost - self._cost), 0.0) * variance)) / std
-            if not np.isfinite(rise) or rise <= rise_before:
+            distance = float(np.sqrt(max(2.0 * (cost - self._cost), 0.0) * variance)) / std
+            if not np.isfinite(distance) or distance <= previous_distance:
                 return None
-            if abs(rise - quantile) < 2e-3 * quantile:
+            if abs(distance - quantile) < _END_TOLERANCE * quantile:
                 return float(value)
-            slope = (rise - rise_before) / (reach - before)
-            before, rise_before = reach, rise
-            reach = float(np.clip(reach + (quantile - rise) / slope, 0.3 * reach, 3.0 * reach))
-            if reach < before:
-                before, rise_before = 0.0, 0.0
+            slope = (distance - previous_distance) / (reach - previous_reach)
+            previous_reach, previous_distance = reach, distance
+            next_reach = reach + (quantile - distance) / slope
+            reach = float(np.clip(next_reach, _MIN_SECANT_STEP * reach, _MAX_SECANT_STEP * reach))
+            # A step back: the next secant is from the minimum.
+            if reach < previous_reach:
+                previous_reach, previous_distance = 0.0, 0.0
         return None
 
     def _descend(self, start: Floats, held: tuple[int, float] | None) -> tuple[Floats, float]:
-        """Return the minimum and its cost, one unknown held."""
-        at = start.copy()
-        moving = [i for i in range(len(at)) if held is None or i != held[0]]
+        """Return the free unknowns (p,) of least cost near a start, and that cost.
+
+        `held` is the index of an unknown among them, and the value at which it is held; None if none is.
+        """
+        free = start.copy()
+        moving = [i for i in range(len(free)) if held is None or i != held[0]]
         if held is not None:
             # The others move along with the held one as the normal equations say, which is nearly all of the way.
-            at = at + self._inverse[:, held[0]] / self._inverse[held[0], held[0]] * (held[1] - at[held[0]])
-            at[held[0]] = held[1]
-            at = np.clip(at, self._low, self._high)
+            j, value = held
+            free = free + self._inverse[:, j] / self._inverse[j, j] * (value - free[j])
+            free[j] = value
+            free = np.clip(free, self._low, self._high)
         rows = np.ix_([0, *(1 + i for i in moving)], [0, *(1 + i for i in moving)])
 
         def normal(values: Floats) -> Floats:
-            at[moving] = values
-            return self._normal(at)[rows]
+            free[moving] = values
+            return self._normal(free)[rows]
 
-        low, high, gain = self._low[moving], self._high[moving], 1e-7 / max(len(self._record), 1)
-        found = least_squares(normal, at[moving], low, high, most=_EVALUATIONS, gain=gain)
-        at[moving] = found.x
-        return at, found.cost
+        gain = _INDEPENDENT_GAIN / max(len(self._record), 1)
+        low, high = self._low[moving], self._high[moving]
+        minimum = least_squares(normal, free[moving], low, high, most=_MAX_EVALUATIONS, gain=gain)
+        free[moving] = minimum.x
+        return free, minimum.cost
 
     def _normal(self, free: Floats) -> Floats:
+        """Return [r, J]^T [r, J] (1 + p, 1 + p) of the thinned record."""
         self._x[self._free] = free
         return self._residual.normal(self._record, self._x, self._loss)

@@ -16,9 +16,10 @@ from palpate_kit.numerics.tip_travel import noise_of
 from palpate_fits.columns.column_table import ColumnTable
 
 PARTS = ("height", "rate", "acceleration", "force", "time", "weight")
-COLUMNS = len(PARTS) + 4
-_GOLDEN = 0.6180339887498949  # its multiples fill the interval from 0 to 1 evenly
-_TRANSITION = 1e-3  # of the way that the tip goes in contact
+COLUMNS = len(PARTS) + 4  # with the history
+_GOLDEN_RATIO = 0.6180339887498949  # (sqrt(5) - 1)/2: the fractions of its multiples fill 0 to 1 evenly
+_TRANSITION_SHARE = 1e-3  # of the way that the tip goes in contact (choice): 5 um of 5 mm
+_MIN_TRAVEL = 1e-12  # [m], in place of a tip that does not move: below any resolution
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,7 @@ class FitRecord:
     acceleration: Floats  # [m/s^2]
     force: Floats  # [N]
     time: Floats  # [s] from the middle
-    weight: (
-        Floats  # square root of the weight in the sum of squares; 0 for samples that are only there for their history
-    )
+    weight: Floats  # square root of that in the sum of squares; 0 for samples that serve as history alone
     transition: float  # [m] over which contact sets in; far below anything that is measured
     history: Floats | None = None  # (n, 4) interval [s], smooth height, and smooth height and rate of the sample before
     window: int = 1  # samples that a smooth height is made of
@@ -44,12 +43,12 @@ class FitRecord:
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """As `PARTS` names them."""
+        """The columns, as `PARTS` names them."""
         return self.height, self.rate, self.acceleration, self.force, self.time, self.weight
 
     @cached_property
     def table(self) -> ColumnTable:
-        """The parts as a compiled residual reads them."""
+        """The parts in the layout of a compiled residual."""
         return ColumnTable(self.parts)
 
     @cached_property
@@ -71,7 +70,7 @@ class FitRecord:
         return self.weight > 0
 
     def selected(self, rows: NDArray[Any] | slice) -> FitRecord:
-        """Some of the samples, which keep their history."""
+        """Return some of the samples, which keep their history."""
         history = None if self.history is None else self.history[rows]
         height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
         return FitRecord(
@@ -83,7 +82,7 @@ class FitRecord:
         return replace(self, force=force)
 
     def displaced(self, step: Floats, rate_step: Floats) -> FitRecord:
-        """The same forces at heights and rates that are other by so much (n,) [m], [m/s]; of a record with a history.
+        """Return the same forces at heights and rates that are displaced (n,) [m], [m/s]; of a record with a history.
 
         A rate by a symmetric window does not know the noise of its own instant, so that the two are independent.
         """
@@ -96,18 +95,34 @@ class FitRecord:
         return replace(self, height=self.height + step, rate=self.rate + rate_step, history=history)
 
     def thinned(self, most: int) -> FitRecord:
-        """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
-        step = len(self) / most
-        if step <= 1:
+        """Return about `most` samples, one from each stretch of equal length.
+
+        The place in the k-th stretch is the fraction of k times the golden ratio, so that no period of the motion meets
+        the same phase each time.
+        """
+        length = len(self) / most
+        if length <= 1:
             return self
         if most not in self._thinned:
-            order = np.arange(most)
-            self._thinned[most] = self.selected(((order + order * _GOLDEN % 1.0) * step).astype(int))
+            stretch = np.arange(most)
+            self._thinned[most] = self.selected(((stretch + stretch * _GOLDEN_RATIO % 1.0) * length).astype(int))
         return self._thinned[most]
 
     @cached_property
     def _thinned(self) -> dict[int, FitRecord]:
         return {}
+
+
+def _history(time: Floats, height: Floats, rate: Floats) -> Floats:
+    """Return the history (n, 4) of a record; the first sample is its own predecessor, an interval of 0 s before."""
+    history = np.zeros((len(height), 4))
+    history[1:, 0] = np.diff(time)
+    history[:, 1] = height
+    history[:1, 2] = height[:1]
+    history[1:, 2] = height[:-1]
+    history[:1, 3] = rate[:1]
+    history[1:, 3] = rate[:-1]
+    return history
 
 
 def make_record(
@@ -116,24 +131,20 @@ def make_record(
     remembers: bool = True,
     smooth: tuple[Floats, int] | None = None,
 ) -> FitRecord:
-    """Return a record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` needs.
+    """Return a record from its columns as `PARTS` names them, each (n,); with the history for a model that `remembers`.
 
-    It remembers the motion by `smooth`: heights (n,) [m], and of how many samples each is made; left out: the heights
-    as they are. Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where
-    that is more, and never over more than a thousandth of all heights.
+    The history is made of `smooth`: heights (n,) [m], and of how many samples each is made; without it, of the heights
+    as they were read. Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height
+    where that is more, and never over more than a thousandth of all heights.
     """
     height, rate, acceleration, force, time, weight = columns
     n, history = len(height), None
     if remembers:
-        remembered = height if smooth is None else smooth[0]
-        history = np.zeros((n, 4))
-        history[:, 1] = remembered
-        history[:1, 2], history[:1, 3] = remembered[:1], rate[:1]
-        history[1:, 0], history[1:, 2], history[1:, 3] = np.diff(time), remembered[:-1], rate[:-1]
+        history = _history(time, height if smooth is None else smooth[0], rate)
     centred = time - 0.5 * (time[0] + time[-1]) if n else time
-    whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
-    noise = noise_of(height, time) if n > 3 else 0.0
-    transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
+    noise = noise_of(height, time) if n > 3 else 0.0  # of third differences
+    widest = _TRANSITION_SHARE * max(float(np.ptp(height)), _MIN_TRAVEL)
+    transition = widest if travel is None else min(widest, max(_TRANSITION_SHARE * travel, noise))
     return FitRecord(
         height, rate, acceleration, force, centred, weight, transition, history, 1 if smooth is None else smooth[1],
         noise=noise if n > 3 else None,

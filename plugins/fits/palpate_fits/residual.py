@@ -17,39 +17,42 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import COLUMNS, PARTS, FitRecord
 from palpate_fits.unknowns import EXTRAS
 
-_BLOCK = 1024  # samples in one call
-_FACTORED = 8192  # samples in one QR factorisation
+_BLOCK_SAMPLES = 1024  # in one call of the compiled function (choice: memory)
+_FACTOR_SAMPLES = 8192  # in one QR factorisation (choice: memory)
+_DEPTH_FLOOR = 1e-6  # [transitions], below which no smooth depth is: a power of it has a slope everywhere (choice)
 _SQUARES = LossFunction()
 
 
 def smooth_depth(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
-    """Depth and its rate where contact sets in gradually: (d + sqrt(d^2 + eps^2))/2 and its time derivative.
+    """Return depth and rate of a contact that sets in gradually: (d + sqrt(d^2 + eps^2))/2 and its time derivative.
 
     Positive everywhere and smooth, so that one formula and its derivatives hold above and below the surface, and a cost
     has no jump where the surface passes a sample. eps is 1e-3 of the way in contact, 5 um in a palpation of 5 mm, or
     the noise of the height; what it changes dies away as (eps/d)^2.
     """
     root = (depth * depth + transition * transition) ** 0.5
-    return 0.5 * (depth + root) + 1e-6 * transition, 0.5 * rate * (1.0 + depth / root)
+    return 0.5 * (depth + root) + _DEPTH_FLOOR * transition, 0.5 * rate * (1.0 + depth / root)
 
 
 def reading(
     model: ContactModel, parameters: Sequence[Any], row: Sequence[Any], transition: Any, memory: Any = ()
 ) -> Any:
-    """What the sensor should read [N]: F(d, d') + m d'' + bias + slope t, of the motion `delay` earlier.
+    """Return the expected reading of the sensor [N]: F(d, d') + m d'' + bias + slope t, of the motion `delay` earlier.
 
     `parameters` are the model's, then surface, bias, slope, tip mass, delay; `row` begins with height, rate,
     acceleration, force, time. The motion at t - tau is d - tau d' + tau^2/2 d''.
     """
     theta, (surface, bias, slope, mass, delay) = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS) :]
-    height, rate, acceleration, time = row[0], row[1], row[2], row[4]
+    height, rate, acceleration, _, time = row[: PARTS.index("time") + 1]
     depth = surface - height - delay * rate + 0.5 * delay * delay * acceleration
-    smooth, smooth_rate = smooth_depth(depth, rate - delay * acceleration, transition)
-    if model.adhesive:  # it pulls below depth 0, and lets go at once
-        return (
-            contact_force(model, depth, rate - delay * acceleration, theta) + mass * acceleration + bias + slope * time
-        )
-    force = model.force(smooth, smooth_rate, theta, memory) if len(memory) else model.force(smooth, smooth_rate, theta)
+    delayed_rate = rate - delay * acceleration
+    smooth, smooth_rate = smooth_depth(depth, delayed_rate, transition)
+    if model.adhesive:  # it pulls below depth 0 and lets go at once, which has no gradual form
+        force = contact_force(model, depth, delayed_rate, theta)
+    elif len(memory):
+        force = model.force(smooth, smooth_rate, theta, memory)
+    else:
+        force = model.force(smooth, smooth_rate, theta)
     return force + mass * acceleration + bias + slope * time
 
 
@@ -62,53 +65,58 @@ class Residual:
         self.parameters = len(model.parameters) + len(EXTRAS)
         self._evaluate = _MemoryResidual(self) if model.memory else _MemorylessResidual(self)
 
-    def blocks(self, record: FitRecord, x: Floats, length: int = _BLOCK) -> Iterator[tuple[slice, Floats]]:
-        """Rows, `length` at most, and, for each of them, residual and Jacobian side by side (n, 1 + p)."""
+    def blocks(self, record: FitRecord, x: Floats, length: int = _BLOCK_SAMPLES) -> Iterator[tuple[slice, Floats]]:
+        """Yield rows, `length` at most, and, for each of them, residual and Jacobian side by side (n, 1 + p)."""
         return self._evaluate.blocks(record, _with_transition(x, record), length)
 
     def whole(self, record: FitRecord, x: Floats) -> tuple[Floats, Floats]:
-        """Residual (n,) and Jacobian (n, p)."""
-        both = [values.T for _, values in self.blocks(record, x, max(len(record), 1))]
-        return both[0][0], both[0][1:].T
+        """Return residual (n,) and Jacobian (n, p) of all samples at once."""
+        _, values = next(self.blocks(record, x, max(len(record), 1)))
+        return values[:, 0], values[:, 1:]
 
     def errors(self, record: FitRecord, x: Floats) -> Floats:
-        """Residual (n,) alone."""
-        return (self if not self.free else self._alone).whole(record, x)[0]
+        """Return the residual (n,) without its Jacobian."""
+        return (self if not self.free else self._without_slopes).whole(record, x)[0]
 
     @cached_property
-    def _alone(self) -> Residual:
+    def _without_slopes(self) -> Residual:
         return Residual(self.model, ())
 
     def normal(self, record: FitRecord, x: Floats, loss: LossFunction = _SQUARES) -> Floats:
-        """[r, J]^T [r, J] (1 + p, 1 + p): all that least squares needs, in memory that does not grow.
+        """Return [r, J]^T [r, J] (1 + p, 1 + p): all that least squares needs, in memory that does not grow.
 
         Of several x (m, P) as many matrices (m, 1 + p, 1 + p).
         """
         return self._evaluate.normal(record, x, loss)
 
     def triangle(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
-        """R (p + 1, p + 1) of the QR factors of [J, r]: the same in numbers of half the range, for what is ill-posed.
+        """Return R (p + 1, p + 1) of the QR factors of [J, r], for what is ill-posed.
 
-        Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J.
+        Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J,
+        in numbers whose range is the square root of that of [r, J]^T [r, J]. Each block is factored together with the R
+        of those before it.
         """
         width = 1 + len(self.free)
-        found: Floats = np.zeros((0, width))
-        for _, values in self.blocks(record, x, _FACTORED):
+        factor: Floats = np.zeros((0, width))
+        for _, values in self.blocks(record, x, _FACTOR_SAMPLES):
             scaled = loss.scaled(values)
-            joined = np.empty((len(found) + len(scaled), width))
-            joined[: len(found)] = found
-            joined[len(found) :, :-1], joined[len(found) :, -1] = scaled[:, 1:], scaled[:, 0]
-            found = np.asarray(np.linalg.qr(joined, mode="r"))
+            stacked = np.empty((len(factor) + len(scaled), width))
+            stacked[: len(factor)] = factor
+            stacked[len(factor) :, :-1] = scaled[:, 1:]
+            stacked[len(factor) :, -1] = scaled[:, 0]
+            factor = np.asarray(np.linalg.qr(stacked, mode="r"))
+        # Fewer samples than unknowns leave rows of zeros.
         padded = np.zeros((width, width))
-        padded[: len(found)] = found
+        padded[: len(factor)] = factor
         return padded
 
 
-def _outputs(residual: Residual, row: Any, x: Any, transition: Any, memory: Any = ()) -> Any:
+def _weighted_error(residual: Residual, row: Any, x: Any, transition: Any, memory: Any = ()) -> Any:
+    """Return the weight times (expected less measured force) of one sample as an expression; `row` as `PARTS`."""
     import casadi as ca
 
     expected = reading(residual.model, ca.vertsplit(x), ca.vertsplit(row), transition, memory)
-    return row[5] * (expected - row[3])
+    return row[PARTS.index("weight")] * (expected - row[PARTS.index("force")])
 
 
 class _MemorylessResidual:
@@ -118,7 +126,7 @@ class _MemorylessResidual:
         import casadi as ca
 
         row, x, transition = ca.SX.sym("w", len(PARTS)), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
-        error = _outputs(residual, row, x, transition)
+        error = _weighted_error(residual, row, x, transition)
         slopes = [ca.jacobian(error, x[i]) for i in residual.free]
         self._function = ColumnFunction(row, ca.vertcat(x, transition), ca.vertcat(error, *slopes))
 
@@ -137,23 +145,25 @@ class _MemorylessResidual:
 
 
 def _with_transition(x: Floats, record: FitRecord) -> Floats:
-    both = np.empty((*x.shape[:-1], x.shape[-1] + 1))
-    both[..., :-1], both[..., -1] = x, record.transition
-    return both
+    """Return parameters (..., P) with the record's transition [m] behind them (..., P + 1)."""
+    extended = np.empty((*x.shape[:-1], x.shape[-1] + 1))
+    extended[..., :-1] = x
+    extended[..., -1] = record.transition
+    return extended
 
 
 def _normal(
     evaluation: _MemorylessResidual | _MemoryResidual, record: FitRecord, x: Floats, loss: LossFunction
 ) -> Floats:
-    """See `Residual.normal`; from the values, for every loss."""
+    """See `Residual.normal`; from residual and Jacobian of each sample, for every loss."""
     if x.ndim == 2:
-        return np.array([_normal(evaluation, record, one, loss) for one in x])
-    found: Floats | float = 0.0
-    with np.errstate(all="ignore"):  # what is not finite is the caller's to see
-        for _, values in evaluation.blocks(record, _with_transition(x, record), _FACTORED):
+        return np.array([_normal(evaluation, record, parameters, loss) for parameters in x])
+    products: Floats | float = 0.0
+    with np.errstate(all="ignore"):  # the caller checks that all is finite
+        for _, values in evaluation.blocks(record, _with_transition(x, record), _FACTOR_SAMPLES):
             scaled = loss.scaled(values)
-            found = found + scaled.T @ scaled
-    return np.asarray(found)
+            products = products + scaled.T @ scaled
+    return np.asarray(products)
 
 
 class _MemoryResidual:
@@ -168,9 +178,9 @@ class _MemoryResidual:
         import casadi as ca
 
         row, x, transition = ca.SX.sym("w", COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
-        state, following, values = _remembering(residual, row, x, transition)
+        state, next_state, values = _memory_step(residual, row, x, transition)
         self._states = int(state.numel())
-        self._kernel = LazyKernel(Step(state, row, ca.vertcat(x, transition), following, values))
+        self._kernel = LazyKernel(Step(state, row, ca.vertcat(x, transition), next_state, values))
 
     def blocks(self, record: FitRecord, x: Floats, length: int) -> Iterator[tuple[slice, Floats]]:
         """See `Residual.blocks`."""
@@ -185,43 +195,57 @@ class _MemoryResidual:
         return _normal(self, record, x, loss)
 
 
-def _remembering(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
-    """State, the one after it, residual and slopes: of a model with memory."""
+def _memory_step(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
+    """Return state, next state, and residual with slopes of one sample, of a model with memory.
+
+    The state is the memory m (c,) and its slopes S = dm/dx (c, p) by the free parameters. With m+ = g(m, x) one
+    interval later, S+ = g_m S + g_x; the residual r(m+, x) has the slopes r_x + r_m S+.
+    """
     import casadi as ca
 
     model = residual.model
     count, free = len(model.memory), len(residual.free)
     memory, slopes = ca.SX.sym("m", count), ca.SX.sym("S", count, free)
-    after = _advanced(model, row, x, transition, memory)
-    forward = ca.horzcat(*[ca.jacobian(after, x[i]) for i in residual.free]) if free else ca.SX.zeros(count, 0)
-    slopes_after = ca.jacobian(after, memory) @ slopes + forward
-    error = _outputs(residual, row, x, transition, ca.vertsplit(memory))
+    next_memory = _next_memory(model, row, x, transition, memory)
+    by_parameters = [ca.jacobian(next_memory, x[i]) for i in residual.free]
+    direct_slopes = ca.horzcat(*by_parameters) if free else ca.SX.zeros(count, 0)
+    next_slopes = ca.jacobian(next_memory, memory) @ slopes + direct_slopes
+    # The residual as a function of any memory, with its slopes along x and through the memory.
+    error = _weighted_error(residual, row, x, transition, ca.vertsplit(memory))
     by_memory = ca.jacobian(error, memory)
     total = [ca.jacobian(error, x[i]) + by_memory @ slopes[:, j] for j, i in enumerate(residual.free)]
-    # The reading is taken from the state after this sample's interval.
-    values = ca.substitute([ca.vertcat(error, *total)], [memory, slopes], [after, slopes_after])[0]
-    return ca.vertcat(memory, ca.vec(slopes)), ca.vertcat(after, ca.vec(slopes_after)), values
+    # The reading is of the end of this sample's interval.
+    values = ca.substitute([ca.vertcat(error, *total)], [memory, slopes], [next_memory, next_slopes])[0]
+    return ca.vertcat(memory, ca.vec(slopes)), ca.vertcat(next_memory, ca.vec(next_slopes)), values
 
 
-def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: Any) -> Any:
-    """Memory one interval later."""
+def _next_memory(model: ContactModel, row: Any, x: Any, transition: Any, memory: Any) -> Any:
+    """Return the memory (c,) after the interval that ends with a sample.
+
+    The tip goes straight from the depth at the sample before to that at this one, each `delay` earlier. The rate
+    equation is solved exactly where each state fades by itself (`fade_states`), else by one step of Runge and Kutta's
+    fourth order. `row` is a row of `FitRecord.columns`.
+    """
     import casadi as ca
 
     parameters = ca.vertsplit(x)
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
+    current_rate = row[PARTS.index("rate")]
+    interval, height, height_before, rate_before = (row[len(PARTS) + i] for i in range(4))  # the history
+    depth_before = surface - height_before - delay * rate_before
+    depth = surface - height - delay * current_rate
+    rate = (depth - depth_before) / ca.if_else(interval > 0, interval, 1.0)
 
-    step = row[6]
-    before, after = (surface - height - delay * rate for height, rate in ((row[8], row[9]), (row[7], row[1])))
-    rate = (after - before) / ca.if_else(step > 0, step, 1.0)
-
-    def slope(share: float, state: Any) -> Any:
-        smooth, smooth_rate = smooth_depth(before + share * (after - before), rate, transition)
+    def memory_rate(share: float, state: Any) -> Any:
+        """Return the time derivative of a memory (c,) after a share of the interval."""
+        smooth, smooth_rate = smooth_depth(depth_before + share * (depth - depth_before), rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
-    if (found := fade_states(slope, step, memory)) is not None:
-        return found
-    one = slope(0.0, memory)
-    two = slope(0.5, memory + 0.5 * step * one)
-    three = slope(0.5, memory + 0.5 * step * two)
-    four = slope(1.0, memory + step * three)
-    return memory + step / 6.0 * (one + 2 * two + 2 * three + four)
+    faded = fade_states(memory_rate, interval, memory)
+    if faded is not None:
+        return faded
+    k1 = memory_rate(0.0, memory)
+    k2 = memory_rate(0.5, memory + 0.5 * interval * k1)
+    k3 = memory_rate(0.5, memory + 0.5 * interval * k2)
+    k4 = memory_rate(1.0, memory + interval * k3)
+    return memory + interval / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)

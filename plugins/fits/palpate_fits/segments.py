@@ -17,7 +17,8 @@ _ALLOWED = (
     '"active", "all", "contact", "load", "unload", "hold", "cycle", "0.5 s..2 s", "depth 0 mm..2 mm", "cycles 1..3", '
     "or several of them joined by commas"
 )
-_MOVING = 0.1  # of the fastest rate; slower is rest
+_MOVING_SHARE = 0.1  # of the fastest rate in contact, below which the tip rests (choice)
+_MIN_TRAVEL = 1e-12  # [m] in contact, in place of 0: below any resolution
 _KINDS = ("depth", "cycles")
 
 
@@ -32,10 +33,11 @@ class Window:
 
 def parse_segment(text: str) -> tuple[Window, ...]:
     """Return the windows of a text such as "load, depth 0 mm..2 mm"; raises ConfigurationError."""
-    return tuple(_parse_one(part.strip(), text) for part in text.split(","))
+    return tuple(_parse_window(part.strip(), text) for part in text.split(","))
 
 
-def _parse_one(part: str, text: str) -> Window:
+def _parse_window(part: str, text: str) -> Window:
+    """Return the window of one `part` of a text, such as "0.5 s..2 s"; raises ConfigurationError."""
     if part in WORDS:
         return Window(part)
     what = next((kind for kind in _KINDS if part.startswith(kind)), "time")
@@ -57,7 +59,7 @@ def _parse_one(part: str, text: str) -> Window:
 
 @dataclass(frozen=True)
 class RecordCourse:
-    """What a fit knows of the course of a record before it fits."""
+    """Touch, deepest point and cycles of a record."""
 
     touch: float  # [m] height of the tip at the first sample in contact
     deepest: float  # [m] lowest height in contact
@@ -65,68 +67,75 @@ class RecordCourse:
 
     @property
     def travel(self) -> float:
-        """Depth [m] between first touch and the deepest point."""
+        """The depth [m] between first touch and the deepest point."""
         return self.touch - self.deepest
 
     @property
     def cycles(self) -> int:
-        """How often the tip touched."""
+        """The number of cycles."""
         return int(self.cycle.max(initial=0))
 
 
 def passage(samples: Samples) -> RecordCourse:
     """Return the course of a record; raises NotFitted where the tip never touches or the force is not a signal."""
-    known = np.isfinite(samples.force)
-    if not known.any():
-        raise NotFitted("no-force", "the record has no force")
-    if not np.any(samples.force[known]):
-        raise NotFitted("no-force", "the force is zero throughout: a sensor that is not connected or never tared")
-    if np.ptp(samples.force[known]) == 0:
-        raise NotFitted("no-force", f"the force never changes: it reads {samples.force[known][0]:.5g} N throughout")
-    if np.any(np.diff(samples.time) <= 0):
-        raise NotFitted("no-time", "the time does not advance from every sample to the next")
-    touching = samples.contact & known
+    has_force = np.isfinite(samples.force)
+    _refuse_without_signal(samples.force[has_force], samples.time)
+    touching = samples.contact & has_force
     if not touching.any():
         raise NotFitted("no-contact", "the tip never touches the material in this record")
-    first = int(np.argmax(touching))
-    begins = touching & ~np.concatenate([[False], touching[:-1]])
     # A new cycle begins halfway in the air between two touches, so that each has its approach.
-    cycle = np.zeros(len(samples), np.int32)
-    starts = np.flatnonzero(begins)
+    starts = np.flatnonzero(touching & ~np.concatenate([[False], touching[:-1]]))
     ends = np.flatnonzero(touching & ~np.concatenate([touching[1:], [False]]))
-    middle = (ends[:-1] + starts[1:] + 1) // 2
-    cycle[0] = 1
-    cycle[middle] += 1
-    return RecordCourse(
-        float(samples.position[first]), float(samples.position[touching].min()), np.cumsum(cycle, dtype=np.int32)
-    )
+    middles = (ends[:-1] + starts[1:] + 1) // 2
+    begins = np.zeros(len(samples), np.int32)
+    begins[0] = 1
+    begins[middles] += 1
+    touch = float(samples.position[starts[0]])
+    deepest = float(samples.position[touching].min())
+    return RecordCourse(touch, deepest, np.cumsum(begins, dtype=np.int32))
+
+
+def _refuse_without_signal(force: Floats, time: Floats) -> None:
+    """Raise NotFitted where no force (n,) [N] was read, it never changes, or the time [s] does not advance."""
+    if not len(force):
+        raise NotFitted("no-force", "the record has no force")
+    if not np.any(force):
+        raise NotFitted("no-force", "the force is zero throughout: a sensor that is not connected or never tared")
+    if np.ptp(force) == 0:
+        raise NotFitted("no-force", f"the force never changes: it reads {force[0]:.5g} N throughout")
+    if np.any(np.diff(time) <= 0):
+        raise NotFitted("no-time", "the time does not advance from every sample to the next")
 
 
 def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
-    """(n,) the samples that every window allows and whose force is known; raises NotFitted if none is left."""
+    """Return the samples (n,) that every window allows and whose force is known; raises NotFitted if none is left.
+
+    `rate` (n,) [m/s] is that of the depth.
+    """
     rows = np.isfinite(samples.force) & np.isfinite(samples.position)
     for window in windows:
-        allowed = _allowed(window, samples, rate, course)
+        allowed = _window_rows(window, samples, rate, course)
         if not (rows & allowed).any():
             raise NotFitted("segment-empty", _why_empty(window, samples, course))
         rows &= allowed
     return rows
 
 
-def _allowed(window: Window, samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
+def _window_rows(window: Window, samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
+    """Return the samples (n,) of one window."""
     depth = course.touch - samples.position
     # As much air as there is depth: enough for surface and baseline, without minutes of waiting.
-    near = depth >= -max(course.travel, 1e-12)
-    moving = _MOVING * float(np.nanmax(np.abs(rate[samples.contact]), initial=0.0))
+    near = depth >= -max(course.travel, _MIN_TRAVEL)
+    moving_rate = _MOVING_SHARE * float(np.nanmax(np.abs(rate[samples.contact]), initial=0.0))
     match window.what:
         case "active":
             return samples.active
         case "contact":
             return samples.contact
         case "load":
-            return near & (rate > moving)
+            return near & (rate > moving_rate)
         case "unload":
-            return near & (rate < -moving)
+            return near & (rate < -moving_rate)
         case "hold":
             return hold_rows(samples)
         case "cycle":

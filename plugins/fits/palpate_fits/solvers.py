@@ -14,6 +14,14 @@ from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 from palpate_fits.unknowns import Unknowns
 
+# Of scipy's trust region, in units of the first residual and of the typical steps (choices).
+_COST_TOLERANCE = 1e-12  # of the cost
+_STEP_TOLERANCE = 1e-10  # of the unknowns
+_GRADIENT_TOLERANCE = 1e-9
+_SMALLEST_RESIDUAL = 1e-300  # root of the sum of squares, in place of 0 in a quotient: near the smallest double
+_EXACT_RESIDUAL = 1e-12  # root of the sum of squares that a fit without error has for the size of steps (choice)
+_BOUND_MARGIN = 1e-9  # of the width between bounds, by which a start is inside them (choice)
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -23,11 +31,11 @@ class Solution:
     cost: float  # half of the sum of losses
     evaluations: int
     converged: bool
-    moved: Floats | None = None  # (P,) by what the parameters have been corrected since; None: by nothing
+    moved: Floats | None = None  # (P,) correction of the parameters since; None: not corrected
 
     @property
     def least(self) -> Floats:
-        """(P,) where the sum of losses is least."""
+        """(P,) parameters where the sum of losses is least."""
         return self.x if self.moved is None else self.x - self.moved
 
 
@@ -45,7 +53,7 @@ def solve_lm(
     loss: LossFunction,
     gain: float = 1e-22,
 ) -> Solution:
-    """Levenberg and Marquardt on the normal equations, which one compiled function sums up over all samples."""
+    """Return the minimum by Levenberg and Marquardt, whose normal equations one compiled function sums up."""
     free = list(residual.free)
     full = x.copy()
 
@@ -53,47 +61,48 @@ def solve_lm(
         full[free] = values
         return residual.normal(record, full, loss)
 
-    found = least_squares(normal, x[free], *unknowns.bounds(free), gain=gain)
-    full[free] = found.x
-    return Solution(full, found.cost, found.evaluations, found.converged)
+    minimum = least_squares(normal, x[free], *unknowns.bounds(free), gain=gain)
+    full[free] = minimum.x
+    return Solution(full, minimum.cost, minimum.evaluations, minimum.converged)
 
 
 def solve_trf(
     residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction, most: int = 200
 ) -> Solution:
-    """Trust-region reflective (Branch, Coleman and Li 1999; scipy), on the triangular factor of [J, r].
+    """Return the minimum by trust-region reflective (Branch, Coleman and Li 1999; scipy), in `most` evaluations.
 
-    The factor has the cost, the gradient and the J^T J of the whole, so the steps are those of the whole problem.
+    It works on the triangular factor of [J, r], which has the cost, the gradient and the J^T J of the whole, so the
+    steps are those of the whole problem.
     """
     from scipy import optimize
 
     free = list(residual.free)
     low, high = unknowns.bounds(free)
-    seen = _LastTriangle(residual, record, x, loss)
+    factor = _LastTriangle(residual, record, x, loss)
+    first = factor.triangle(x[free])
     if not free:
-        return Solution(x, 0.5 * float(seen.triangle(x[free])[-1, -1] ** 2), 1, True)
-    first = seen.triangle(x[free])
+        return Solution(x, 0.5 * float(first[-1, -1] ** 2), 1, True)
     # In units of the first residual, so that tolerances mean the same for every record.
-    scale, size = _scales(first, x[free]), max(abs(float(first[-1, -1])), 1e-300)
-    solve: Any = optimize.least_squares  # its annotations know no function for the Jacobian
-    found = solve(
-        lambda p: seen.triangle(p * scale)[:, -1] / size,
+    scale, size = _typical_steps(first, x[free]), max(abs(float(first[-1, -1])), _SMALLEST_RESIDUAL)
+    solve: Any = optimize.least_squares  # its annotations do not include a function for the Jacobian
+    minimum = solve(
+        lambda p: factor.triangle(p * scale)[:, -1] / size,
         _strictly_inside(x[free], low, high) / scale,
-        lambda p: seen.triangle(p * scale)[:, :-1] * scale / size,
+        lambda p: factor.triangle(p * scale)[:, :-1] * scale / size,
         bounds=(low / scale, high / scale),
         method="trf",
-        ftol=1e-12,
-        xtol=1e-10,
-        gtol=1e-9,
+        ftol=_COST_TOLERANCE,
+        xtol=_STEP_TOLERANCE,
+        gtol=_GRADIENT_TOLERANCE,
         max_nfev=most,
     )
     full = x.copy()
-    full[free] = np.clip(found.x * scale, low, high)
-    return Solution(full, float(found.cost) * size**2, int(found.nfev), bool(found.status > 0))
+    full[free] = np.clip(minimum.x * scale, low, high)
+    return Solution(full, float(minimum.cost) * size**2, int(minimum.nfev), bool(minimum.status > 0))
 
 
 class _LastTriangle:
-    """Remembers the last triangle: residual and Jacobian are asked for one after the other."""
+    """The last triangle, kept: scipy calls for residual and Jacobian one after the other."""
 
     def __init__(self, residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> None:
         self._residual, self._record, self._x, self._loss = residual, record, x.copy(), loss
@@ -107,16 +116,18 @@ class _LastTriangle:
         return self._last[1]
 
 
-def _scales(triangle: Floats, values: Floats) -> Floats:
-    """Typical steps: what moves the residual by its own size over the square root of the samples; never 0."""
+def _typical_steps(triangle: Floats, values: Floats) -> Floats:
+    """Return for each unknown (p,) the step |r|/|J_i| that changes the residual by its own size; never 0."""
     lengths = np.sqrt(np.sum(triangle[:, :-1] ** 2, axis=0))
-    size = max(abs(float(triangle[-1, -1])), 1e-12)
+    size = max(abs(float(triangle[-1, -1])), _EXACT_RESIDUAL)
     fallback = np.where(values != 0, np.abs(values), 1.0)
     return np.where(lengths > 0, size / np.where(lengths > 0, lengths, 1.0), fallback)
 
 
 def _strictly_inside(x: Floats, low: Floats, high: Floats) -> Floats:
-    """Trust-region reflective starts inside the bounds, not on them."""
+    """Return the nearest start inside the bounds and not on them, as trust-region reflective needs it."""
     width = np.where(np.isfinite(high - low), high - low, np.maximum(np.abs(x), 1.0))
-    margin = 1e-9 * width
-    return np.clip(x, np.where(np.isfinite(low), low + margin, low), np.where(np.isfinite(high), high - margin, high))
+    margin = _BOUND_MARGIN * width
+    lowest = np.where(np.isfinite(low), low + margin, low)
+    highest = np.where(np.isfinite(high), high - margin, high)
+    return np.clip(x, lowest, highest)

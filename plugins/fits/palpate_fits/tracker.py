@@ -6,10 +6,9 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import numpy as np
-from palpate import Estimates, Flag, Floats, LastDigit, Problem, Samples
+from palpate import Estimates, Flag, Floats, Problem, Samples
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 from palpate_kit.numerics.contact_point import Approach
-from palpate_kit.numerics.force_limit import at_limit
 from palpate_kit.numerics.refusal import NotFitted
 from palpate_kit.numerics.tip_travel import (
     TipTravel,
@@ -23,8 +22,10 @@ from palpate_kit.numerics.tip_travel import (
 from palpate_fits.approach import SurfaceByForce, constrained_surface
 from palpate_fits.arm_order import in_order
 from palpate_fits.contact_start import begins_in_contact, touching_from_start
-from palpate_fits.first_guess import first_guess, guess_by_contrast, linear_places, moduli_of
+from palpate_fits.contrast_guess import guess_by_contrast, moduli_of
+from palpate_fits.first_guess import first_guess, linear_places
 from palpate_fits.fit_outcome import FitOutcome
+from palpate_fits.fit_samples import depth_weights, digit_weights, refuse_few_samples, without_saturation
 from palpate_fits.fit_settings import FitSettings
 from palpate_fits.height_noise import correct_attenuation
 from palpate_fits.loss import LossFunction
@@ -44,10 +45,14 @@ from palpate_fits.solvers import Solution, solve_lm, solve_trf
 from palpate_fits.uncertainty import scatter
 from palpate_fits.unknowns import Unknowns, at_physical_bounds
 
-_AIR_SHARE = 0.1  # of the samples, from which on they determine the bias
-_FEWEST = 5  # samples for each unknown
-_THIN = 1000
-_NO_GAIN = 1e-9  # of the cost: with 10 000 samples a hundredth of a standard deviation from the minimum
+# Choices.
+_AIR_SHARE = 0.1  # of the samples, from which on those in air determine the bias
+_THINNED_SAMPLES = 1000  # of a first fit, which the whole record needs few steps from
+_THINNED_GAIN = 1e-9  # of the cost, below which a step of the first fit is its last one
+_NO_GAIN = 1e-9  # of the cost: sqrt(10 000 * 1e-9) = 0.003 standard deviations from the minimum of 10 000 samples
+_TIGHT_SIGMAS = 3.0  # of the mean force in air, that force_uncertainty should leave beyond it
+_MIN_TRAVEL = 1e-12  # [m] in contact, in place of 0: below any resolution
+_MIN_INTERVAL = 1e-12  # [s] between samples, in place of 0
 _SQUARES = LossFunction()
 
 
@@ -68,14 +73,14 @@ class FitTracker:
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for the whole record; constant over the fitted samples, and idle outside them."""
+        """Return the estimates of the whole record; constant over the fitted samples, and idle outside them."""
         from palpate_fits.report import estimates_of
 
         if not len(samples):
             return Estimates.idle(samples, len(self._problem.model.parameters))
         known = np.isfinite(samples.position)
         if not known.all():
-            return _spread(self.run(samples[known]), samples, known)
+            return _of_all_samples(self.run(samples[known]), samples, known)
         try:
             return estimates_of(self.fit(samples))
         except NotFitted as refusal:
@@ -83,46 +88,42 @@ class FitTracker:
             return replace(idle, flags=(refusal.flag,))
 
     def fit(self, samples: Samples) -> FitOutcome:
-        """Return the fit of a record; raises NotFitted where it cannot be done."""
+        """Return the fit of a record; raises NotFitted where it cannot be done.
+
+        The samples of the segment and the unknowns that the record determines; a start from a grid; the minimum; then
+        what least squares leaves wrong there: the inertia of a late force, a viscosity below 0, and the attenuation by
+        the noise of the height.
+        """
         settings, notes = self._settings, list[Flag]()
         begins_in_contact = cache(partial(self._begins_in_contact, samples))
         is_without_air = self._problem.force_zero != "air" and begins_in_contact()
         if is_without_air:
             samples = touching_from_start(samples)
+        # Samples and unknowns.
         course = passage(samples)
         motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
-        rows = _without_saturation(samples, rows, notes)
+        rows = without_saturation(samples, rows, notes)
         by_force = SurfaceByForce(samples, course, settings.threshold)
-        unknowns = self._prepared(samples, rows, by_force, notes)
-        if is_without_air:  # a viscosity below none would be a higher surface, see `one_speed_intervals`
+        unknowns = self._unknowns_of_record(samples, rows, by_force, notes)
+        if is_without_air:  # a viscosity below 0 would be a higher surface, see `one_speed_intervals`
             unknowns = at_physical_bounds(unknowns, self._problem.model)
-        enough = max(_FEWEST * len(unknowns.free), 10)
-        if np.count_nonzero(rows) < enough:
-            raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
+        refuse_few_samples(rows, unknowns)
         record = self._record(samples, rows, motion, course)
-        model = self._problem.model
-        if model.memory:
+        if self._problem.model.memory:
             unknowns = with_times_that_show(unknowns, record)
+        # Start, minimum and corrections.
         linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(unknowns.free)
         x, minima = self._start(unknowns, record, loss)
-        if len(record) > 2 * _THIN and not model.memory:
-            x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
-        solver, solution = self._solve(unknowns, record, residual, x, loss)
-        if unknowns.index("delay") in unknowns.free and not model.memory:
-            record = _late_inertia(record, unknowns, solution.x)
-            solver, solution = self._solve(unknowns, record, residual, solution.x, loss)
-        if not solution.converged and not model.memory:  # along a valley its steps may be long and gain nothing
-            again = solve_lm(residual, unknowns, record, solution.x, loss, gain=_NO_GAIN)
-            solution = replace(solution, converged=again.converged)
-        if not model.memory:
+        solver, record, solution = self._minimum(unknowns, record, residual, x, loss)
+        if not self._problem.model.memory:
             unknowns, solution = with_possible_viscosity(residual, unknowns, record, loss, solution)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
         notes += rivals(residual, unknowns, record, solution, minima, loss)
-        solution = in_order(model, unknowns, solution)
+        solution = in_order(self._problem.model, unknowns, solution)
         if loss.kind == "linear":
             solution = correct_attenuation(residual, record, unknowns, solution)
         return FitOutcome(
@@ -130,12 +131,36 @@ class FitTracker:
             record, residual, solution, solver, loss, tuple(notes), begins_in_contact,
         )  # fmt: skip
 
+    def _minimum(
+        self, unknowns: Unknowns, record: FitRecord, residual: Residual, x: Floats, loss: LossFunction
+    ) -> tuple[str, FitRecord, Solution]:
+        """Return the solver's name, the record as it was fitted, and the minimum from a start (P,).
+
+        Without memory a long record is fitted to some of its samples first; where the delay is an unknown, the inertia
+        is made as late as the fit says, and the fit repeated; and a fit that has not converged counts as converged
+        where further steps gain nothing, as they do along a valley.
+        """
+        if self._problem.model.memory:
+            solver, solution = self._solve(unknowns, record, residual, x, loss)
+            return solver, record, solution
+        if len(record) > 2 * _THINNED_SAMPLES:
+            x = solve_lm(residual, unknowns, record.thinned(_THINNED_SAMPLES), x, loss, gain=_THINNED_GAIN).x
+        solver, solution = self._solve(unknowns, record, residual, x, loss)
+        if unknowns.index("delay") in unknowns.free:
+            record = _late_inertia(record, unknowns, solution.x)
+            solver, solution = self._solve(unknowns, record, residual, solution.x, loss)
+        if not solution.converged:
+            continued = solve_lm(residual, unknowns, record, solution.x, loss, gain=_NO_GAIN)
+            solution = replace(solution, converged=continued.converged)
+        return solver, record, solution
+
     def _start(self, unknowns: Unknowns, record: FitRecord, loss: LossFunction) -> tuple[Floats, list[Solution]]:
         """Return values (P,) of all parameters to start from, and the minima near other starts, the least first."""
         model, linear = self._problem.model, self._linear_places(unknowns)
         if moduli := moduli_of(model, unknowns, linear):
             starts = guess_by_contrast(model, unknowns, record, linear, moduli)
-            minima = solve_from_each(self._residual(unknowns.free), unknowns, record.thinned(_THIN), starts, loss)
+            thinned = record.thinned(_THINNED_SAMPLES)
+            minima = solve_from_each(self._residual(unknowns.free), unknowns, thinned, starts, loss)
             return minima[0].x, minima
         return first_guess(model, unknowns, record, linear, self._residual), []
 
@@ -147,31 +172,35 @@ class FitTracker:
         return begins_in_contact(samples, self._unknowns if is_stated else self._biased, self._misfit)
 
     def _misfit(self, samples: Samples, unknowns: Unknowns) -> tuple[float, float]:
-        """Return what a fit to some samples leaves: sum of squares [N^2], and how many independent samples it is of."""
+        """Return the sum of squared residuals [N^2] of a fit to samples, and the number of independent ones."""
         course = passage(samples)
         motion = zero_phase_motion(samples, self._settings.smoothing, self._longest_window(samples, course.travel))
         record = self._record(samples, np.ones(len(samples), bool), motion, course)
         if not self._problem.model.memory:
-            record = record.thinned(_THIN)
+            record = record.thinned(_THINNED_SAMPLES)
         residual = self._residual(unknowns.free)
-        solution = self._solve(unknowns, record, residual, self._start(unknowns, record, _SQUARES)[0], _SQUARES)[1]
-        found = scatter(residual, record, solution.x, _SQUARES)
-        return found.rss, found.effective_samples
+        start, _ = self._start(unknowns, record, _SQUARES)
+        _, solution = self._solve(unknowns, record, residual, start, _SQUARES)
+        residual_scatter = scatter(residual, record, solution.x, _SQUARES)
+        return residual_scatter.rss, residual_scatter.effective_samples
 
     @property
     def _may_find_zero(self) -> bool:
         """True if the settings leave it to the record whether the zero of the force is an unknown."""
         return self._settings.unknowns is None and "bias" not in self._settings.fixed
 
-    def _prepared(
+    def _unknowns_of_record(
         self,
         samples: Samples,
         rows: Rows,
         by_force: SurfaceByForce,
         notes: list[Flag],
     ) -> Unknowns:
-        """Return the unknowns with what only the record can say: whether it determines the bias, where the surface
-        may be."""
+        """Return the unknowns with what the record determines: bias and surface, as the settings leave them open.
+
+        The bias is free where more than a tenth of the fitted samples are in air, or the record begins in contact and
+        nobody states a zero. Raises NotFitted where the contact point's method finds none.
+        """
         settings, unknowns = self._settings, self._unknowns
         if self._may_find_zero and self._problem.force_zero == "open" and samples.contact[0]:
             unknowns = self._biased
@@ -194,17 +223,22 @@ class FitTracker:
 
     @staticmethod
     def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[Flag]) -> Unknowns:
+        """Return the unknowns with the surface above the heights at which the force exceeds a limit [N].
+
+        Appends a note where the limit cannot be used, or is less than the error of the force in air; raises NotFitted
+        where it contradicts the bounds of the surface.
+        """
         if approach is None:
-            what = "the record has no approach through air that force_uncertainty could use"
-            notes.append(Flag("force-constraint-unused", what))
+            text = "the record has no approach through air that force_uncertainty could use"
+            notes.append(Flag("force-constraint-unused", text))
             return unknowns
         mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
-        if limit < abs(mean) + 3.0 * std:
-            what = (
+        if limit < abs(mean) + _TIGHT_SIGMAS * std:
+            text = (
                 f"force_uncertainty of {limit:.3g} N is less than the force is off in air, {mean:+.3g} N, and 3 sigma "
                 f"of its mean, {3 * std:.2g} N"
             )
-            notes.append(Flag("force-constraint-tight", what))
+            notes.append(Flag("force-constraint-tight", text))
         lowest = constrained_surface(approach, limit)
         item = unknowns.items[unknowns.index("surface")]
         if lowest >= item.upper:
@@ -214,28 +248,29 @@ class FitTracker:
         return unknowns.changed("surface", lower=max(item.lower, lowest))
 
     def _record(self, samples: Samples, rows: Rows, motion: TipTravel, course: RecordCourse) -> FitRecord:
+        """Return the columns of the fitted samples; for a model with memory all up to the last, as their history."""
         weight = rows.astype(float)
         if self._settings.weights == "depth":
-            weight[rows] = _by_depth(samples.position[rows])
-        weight[rows] *= _by_digit(samples.force[rows])
-        keep, remembers = rows.copy(), bool(self._problem.model.memory)
-        if remembers:
+            weight[rows] = depth_weights(samples.position[rows])
+        weight[rows] *= digit_weights(samples.force[rows])
+        keep, has_memory = rows.copy(), bool(self._problem.model.memory)
+        if has_memory:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
-        known = np.isfinite(samples.force)
-        force = samples.force if known.all() else np.where(known, samples.force, 0.0)
+        has_force = np.isfinite(samples.force)
+        force = samples.force if has_force.all() else np.where(has_force, samples.force, 0.0)
         columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
-        smooth = smooth_height(samples, motion.window) if remembers else samples.position
+        smooth = smooth_height(samples, motion.window) if has_memory else samples.position
         if not keep.all():
             columns, smooth = tuple(column[keep] for column in columns), smooth[keep]
-        travel = max(course.travel, 1e-12)
-        if not remembers:
-            return make_record(columns, travel, remembers)
-        width = round(motion.window / max(median(samples.interval[1:]), 1e-12))
+        travel = max(course.travel, _MIN_TRAVEL)
+        if not has_memory:
+            return make_record(columns, travel, has_memory)
+        width = round(motion.window / max(median(samples.interval[1:]), _MIN_INTERVAL))
         return replace(make_record(columns, travel, smooth=(smooth, width)), rate_noise=motion.rate_noise)
 
     def _longest_window(self, samples: Samples, travel: float) -> float:
-        """Window [s] beyond which the motion is not smoothed: a model with memory adds up what is blurred."""
-        longest = longest_window(self._problem.model, max(travel, 1e-12))
+        """Return the longest window [s] of the smooth motion: a model with memory adds up what is blurred."""
+        longest = longest_window(self._problem.model, max(travel, _MIN_TRAVEL))
         return min(longest, cubic_window(samples)) if self._problem.model.memory else longest
 
     def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
@@ -257,6 +292,7 @@ class FitTracker:
         x: Floats,
         loss: LossFunction,
     ) -> tuple[str, Solution]:
+        """Return the solver's name and the minimum from a start (P,), by the solver of the settings and the model."""
         if self._problem.model.memory and times_of(unknowns):
             return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
         if self._problem.model.memory:
@@ -267,51 +303,25 @@ class FitTracker:
 
 
 def _late_inertia(record: FitRecord, unknowns: Unknowns, x: Floats) -> FitRecord:
-    """The record with the tip's inertia as late as the rest of the force, to first order in what is left of the delay.
+    """Return the record with the tip's inertia as late as the rest of the force, by the estimated delay.
 
-    The residual takes inertia as it is now, since it has no derivative of the acceleration.
+    The residual has the inertia m a(t) of the instant, since it has no derivative of the acceleration; m a(t - tau) is
+    what a force late by tau reads, so that m (a(t) - a(t - tau)) is added to the force.
     """
-    mass, late = (float(x[unknowns.index(name)]) for name in ("tip_mass", "delay"))
-    before = np.interp(record.time - late, record.time, record.acceleration)
-    return record.with_force(record.force + mass * (record.acceleration - before))
+    mass, delay = (float(x[unknowns.index(name)]) for name in ("tip_mass", "delay"))
+    delayed = np.interp(record.time - delay, record.time, record.acceleration)
+    return record.with_force(record.force + mass * (record.acceleration - delayed))
 
 
-def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
-    """Estimates for the known among the samples, as estimates for all of them."""
-    whole = Estimates.idle(samples, found.values.shape[1])
+def _of_all_samples(estimates: Estimates, samples: Samples, known: Rows) -> Estimates:
+    """Return estimates of the samples whose position is known as estimates of all samples, idle at the others."""
+    whole = Estimates.idle(samples, estimates.values.shape[1])
     for name in ("values", "std", "surface", "surface_std", "force", "nis", "status", "innovation"):
-        getattr(whole, name)[known] = getattr(found, name)
+        getattr(whole, name)[known] = getattr(estimates, name)
     return replace(
         whole,
-        details=found.details,
-        flags=found.flags,
-        report=found.report,
-        timing_included=found.timing_included,
+        details=estimates.details,
+        flags=estimates.flags,
+        report=estimates.report,
+        timing_included=estimates.timing_included,
     )
-
-
-def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
-    """Drop readings that stand at the largest value of the record, and say so."""
-    limited = rows & at_limit(samples.force, samples.position, rows)
-    if not limited.any():
-        return rows
-    top = float(samples.force[limited][0])
-    what = f"the force stands at {top:.5g} N in {np.count_nonzero(limited)} samples, which are left out"
-    notes.append(Flag("saturated", what))
-    return np.asarray(rows & ~limited)
-
-
-def _by_digit(force: Floats) -> Floats:
-    """Weights (n,) by which a plateau of equal readings (n,) [N] counts as one; 1 where noise exceeds half a digit."""
-    known = np.isfinite(force)
-    weight, digit = np.ones(len(force)), LastDigit.of(force[known])
-    if digit.exceeds_noise(force[known]):
-        weight[known] = 1.0 / np.sqrt(digit.plateau_sizes(force[known]))
-    return weight
-
-
-def _by_depth(height: Floats) -> Floats:
-    """Weights (n,) that make every stretch of height count the same, 1 on average."""
-    place = np.clip((height - height.min()) / max(float(np.ptp(height)), 1e-300) * 50, 0, 49).astype(int)
-    weight = 1.0 / np.sqrt(np.bincount(place, minlength=50)[place])
-    return np.asarray(weight / np.sqrt(np.mean(weight**2)))

@@ -15,17 +15,20 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 
-_BLOCK = 1024  # neighbours are found within
-_AT_ONCE = 8  # blocks
-_FEW = 40  # lags, up to which sums are faster than Fourier transforms
-_MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
-_MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
-_SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
+_BLOCK_SAMPLES = 1024  # within which neighbours are compared (choice)
+_BLOCKS_AT_ONCE = 8  # evaluated in one call (choice: memory)
+_MAX_SUMMED_LAGS = 40  # up to which sums are faster than Fourier transforms (measured)
+_MAX_ROWS = 200_000  # that the correlation sums run over (choice: time); longer records are added up in pieces before
+_MAX_TAKEN_SHARE = 0.6  # of the sum of the autocorrelation, taken by the fit, that is made good (choice)
+_WINDOW_TIMES = 5.0  # correlation times up to which the correlation is summed (Sokal 1997)
+_MAX_LAG_SHARE = 4  # a quarter of the values is the longest lag (choice)
+_MIN_CORRELATION_TIME = 0.05  # [pieces] of residuals that alternate (choice)
+_THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of third differences over that of white noise
 
 
 @dataclass(frozen=True)
 class ResidualScatter:
-    """What the residuals at the minimum say."""
+    """Size and correlation of the residuals at the minimum, and the covariance by them."""
 
     covariance: Floats  # (p, p) of the free unknowns
     inverse_normal: Floats  # (p, p) (J^T J)^-1
@@ -38,20 +41,22 @@ class ResidualScatter:
 
 
 def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> ResidualScatter:
-    """Sandwich covariance A^-1 S A^-1, A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T.
+    """Return the sandwich covariance A^-1 S A^-1 of the free unknowns, with the statistics of the residuals.
 
-    gamma is the autocovariance of the residuals, summed as far as it reaches; the white-noise formula is the case that
-    gamma vanishes between samples.
+    A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T. gamma is the autocovariance of the residuals,
+    summed as far as it reaches; the white-noise formula is the case that gamma vanishes between samples.
     """
-    pieces = _collect(residual, record, x, loss)
-    p = len(residual.free)
-    gamma, reach = _autocovariance(pieces.errors, p)
+    pieces = _sum_pieces(residual, record, x, loss)
+    gamma, reach = _autocovariance(pieces.errors, len(residual.free))
     inverse = scaled_inverse(pieces.normal)
     middle = _pair_sum(pieces.slopes, gamma, reach)
     covariance = inverse @ middle @ inverse
+    # A window that ends flat can make a variance negative; one that falls from the start cannot.
     if (middle.diagonal() < 0).any() or (covariance.diagonal() < 0).any():
         covariance = inverse @ _pair_sum(pieces.slopes, gamma, reach, tapered=True) @ inverse
-    time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
+    time = 1.0
+    if gamma[0] > 0:
+        time = max(_long_run(gamma, reach) / gamma[0], _MIN_CORRELATION_TIME) * pieces.size
     effective = min(pieces.samples / time, float(pieces.samples))
     return ResidualScatter(
         covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
@@ -72,76 +77,89 @@ class _Pieces:
     noise: float
 
 
-def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> _Pieces:
+def _sum_pieces(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> _Pieces:
+    """Return residuals and slopes, summed over pieces, of which a record has at most 200 000.
+
+    In the same pass over the record: A = sum psi' J J^T, the sum of squares, the products of neighbours, and the
+    squares of third differences.
+    """
     p = len(residual.free)
-    size = -(-len(record) // _MOST)
+    size = -(-len(record) // _MAX_ROWS)
     normal, errors, slopes = np.zeros((p, p)), [], []
-    rss = neighbours = third = 0.0
-    thirds = samples = 0
-    kept = np.zeros((0, 1 + p))
+    rss = neighbour_products = third_squares = 0.0
+    third_count = samples = 0
+    remainder = np.zeros((0, 1 + p))
     everything = bool(record.used.all())
-    for rows, values in residual.blocks(record, x, _BLOCK * _AT_ONCE if everything else _BLOCK):
+    for rows, values in residual.blocks(record, x, _BLOCK_SAMPLES * _BLOCKS_AT_ONCE if everything else _BLOCK_SAMPLES):
         if not everything:
             values = values[record.used[rows]]
         samples += len(values)
-        r, jacobian = values[:, 0], values[:, 1:]
-        influence, curvature = loss.influence(r)
+        error, jacobian = values[:, 0], values[:, 1:]
+        influence, curvature = loss.influence(error)
         normal += jacobian.T @ (jacobian if loss.kind == "linear" else jacobian * curvature[:, None])
-        rss += float(r @ r)
-        for stretch in _stretches(r):
-            neighbours += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
+        rss += float(error @ error)
+        for stretch in _stretches(error):
+            neighbour_products += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
             differences = third_differences(stretch)
-            third, thirds = third + float(np.sum(differences * differences)), thirds + differences.size
-        joined = np.column_stack([influence, jacobian])
+            third_squares += float(np.sum(differences * differences))
+            third_count += differences.size
+        influence_and_slopes = np.column_stack([influence, jacobian])
         if size == 1:
-            errors.append(joined[:, 0])
-            slopes.append(joined[:, 1:])
+            errors.append(influence_and_slopes[:, 0])
+            slopes.append(influence_and_slopes[:, 1:])
             continue
-        kept = np.concatenate([kept, joined])
-        whole = len(kept) // size * size
-        cut = kept[:whole].reshape(-1, size, 1 + p)
-        errors.append(cut[:, :, 0].sum(axis=1))
-        slopes.append(cut[:, :, 1:].mean(axis=1))
-        kept = kept[whole:]
-    first = neighbours / rss if rss > 0 else 0.0
-    noise = float(np.sqrt(third / (20.0 * max(thirds, 1))))
+        # Whole pieces; the samples of an unfinished one wait for the next block.
+        waiting = np.concatenate([remainder, influence_and_slopes])
+        whole = len(waiting) // size * size
+        pieces = waiting[:whole].reshape(-1, size, 1 + p)
+        errors.append(pieces[:, :, 0].sum(axis=1))
+        slopes.append(pieces[:, :, 1:].mean(axis=1))
+        remainder = waiting[whole:]
+    first = neighbour_products / rss if rss > 0 else 0.0
+    noise = float(np.sqrt(third_squares / (_THIRD_DIFFERENCE_GAIN * max(third_count, 1))))
     return _Pieces(np.concatenate(errors), np.concatenate(slopes), normal, size, samples, rss, first, noise)
 
 
 def _stretches(values: Floats) -> Iterator[Floats]:
-    """Values (n,) as stretches (m, _BLOCK) of neighbours, and what is left of them (1, rest)."""
-    whole = len(values) // _BLOCK * _BLOCK
+    """Yield values (n,) as stretches (m, 1024) of neighbours, then the shorter last one (1, n mod 1024)."""
+    whole = len(values) // _BLOCK_SAMPLES * _BLOCK_SAMPLES
     if whole:
-        yield values[:whole].reshape(-1, _BLOCK)
+        yield values[:whole].reshape(-1, _BLOCK_SAMPLES)
     if whole < len(values):
         yield values[None, whole:]
 
 
 def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
-    """Autocovariance (m // 4 + 1,), and the lag up to which it is more than noise (Sokal's window).
+    """Return the autocovariance (m // 4 + 1,) of residuals (m,), and its reach.
 
-    A fit takes from its residuals what it can follow: with p parameters each lag is too small by p/m of the sum over
-    all lags. That sum over the window is then too small by a factor 1 - p K/m, K the window's area, which is made good.
+    The reach is the shortest lag k >= 5 tau(k), tau(k) = 1 + 2 sum_(i <= k) rho_i the correlation time up to there
+    (Sokal's window). A fit takes from its residuals what it can follow: with p `fitted` parameters each lag is too
+    small by p/m of the sum over all lags. That sum over the window is then too small by a factor 1 - p K/m, K the
+    window's area, which is made good.
     """
     m = len(errors)
+    # Of residuals with as many zeros behind them, so that the circular correlation is the plain one.
     length = _smooth_length(2 * m)
     spectrum = np.fft.rfft(errors, length)
-    gamma: Floats = np.fft.irfft(np.abs(spectrum) ** 2, length)[: max(m // 4, 1) + 1] / m
+    gamma: Floats = np.fft.irfft(np.abs(spectrum) ** 2, length)[: max(m // _MAX_LAG_SHARE, 1) + 1] / m
     if gamma[0] <= 0:
         return gamma, 0
-    time = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
-    enough = np.flatnonzero(np.arange(1, len(gamma)) >= _SPAN * time)
-    reach = int(enough[0]) + 1 if len(enough) else len(gamma) - 1
+    times = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
+    long_lags = np.flatnonzero(np.arange(1, len(gamma)) >= _WINDOW_TIMES * times)
+    reach = int(long_lags[0]) + 1 if len(long_lags) else len(gamma) - 1
+    # What the fit has taken.
     area = 2.0 * float(_weights(reach, len(gamma)).sum()) - 1.0
-    taken = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - min(fitted * area / m, _MOST_TAKEN))
+    taken_share = min(fitted * area / m, _MAX_TAKEN_SHARE)
+    taken = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - taken_share)
     return gamma + taken, reach
 
 
 @lru_cache(256)
 def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
-    """Flat up to the reach, then falling to 0 at twice of it (Politis and Romano 1995); or falling from the start.
+    """Return the weights of the lags, `most` at most: flat up to the reach, then falling to 0 at twice of it.
 
-    Of the two only the latter makes no variance negative: it has to end at 0 (Bartlett 1950).
+    Or `tapered`, falling from the start to 0. Of the two only the latter makes no variance negative.
+    Sources: Politis and Romano 1995; Bartlett 1950.
     """
     lags = np.arange(min(2 * reach + 1, most))
     if tapered:
@@ -150,30 +168,34 @@ def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
 
 
 def _long_run(gamma: Floats, reach: int) -> float:
-    """Sum of the autocovariance from -inf to inf."""
+    """Return the sum of the autocovariance from -inf to inf, by the window."""
     weights = _weights(reach, len(gamma))
     return float(gamma[0] + 2 * weights[1:] @ gamma[1 : len(weights)])
 
 
 def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) -> Floats:
+    """Return S (p, p) = sum over pairs of w(i - j) gamma(i - j) J_i J_j^T, with slopes J (m, p) and the window w.
+
+    For a long window by the spectra of the slopes, of which that of w gamma takes the products (Parseval).
+    """
     if not slopes.shape[1]:
         return np.zeros((0, 0))  # nothing is free: the fit is an evaluation
     weights = _weights(reach, len(gamma), tapered)
     kernel = weights * gamma[: len(weights)]
-    middle = kernel[0] * (slopes.T @ slopes)
-    if len(kernel) <= _FEW:
+    if len(kernel) <= _MAX_SUMMED_LAGS:
+        pair_sum = kernel[0] * (slopes.T @ slopes)
         for lag in range(1, len(kernel)):
-            across = slopes[lag:].T @ slopes[:-lag]
-            middle += kernel[lag] * (across + across.T)
-        return np.asarray(middle)
+            products = slopes[lag:].T @ slopes[:-lag]
+            pair_sum += kernel[lag] * (products + products.T)
+        return np.asarray(pair_sum)
     length = _smooth_length(len(slopes) + len(kernel))
-    both = np.zeros(length)
-    both[: len(kernel)] = kernel
-    both[length - len(kernel) + 1 :] = kernel[:0:-1]
-    share = np.fft.rfft(both).real / length
-    share[1 : (length + 1) // 2] *= 2.0  # what stands for both signs of a frequency
+    two_sided = np.zeros(length)
+    two_sided[: len(kernel)] = kernel
+    two_sided[length - len(kernel) + 1 :] = kernel[:0:-1]
+    power = np.fft.rfft(two_sided).real / length
+    power[1 : (length + 1) // 2] *= 2.0  # of both signs of a frequency
     spectra = np.fft.rfft(slopes, length, axis=0)
-    return np.asarray((spectra.conj().T @ (share[:, None] * spectra)).real)
+    return np.asarray((spectra.conj().T @ (power[:, None] * spectra)).real)
 
 
 @cache
@@ -191,7 +213,7 @@ def _smooth_length(least: int) -> int:
 
 
 def mean_uncertainty(values: Floats) -> float:
-    """Standard uncertainty of the mean of correlated values (n,), as values."""
+    """Return the standard uncertainty of the mean of correlated values (n,), in their unit."""
     centred = values - values.mean()
     gamma, reach = _autocovariance(centred, 1)
-    return float(np.sqrt(max(_long_run(gamma, reach), gamma[0] * 0.05) / len(values)))
+    return float(np.sqrt(max(_long_run(gamma, reach), gamma[0] * _MIN_CORRELATION_TIME) / len(values)))
