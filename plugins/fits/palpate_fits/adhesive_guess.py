@@ -1,4 +1,4 @@
-"""First guess of a model that sticks: its force is in proportion to modulus and work of adhesion together only."""
+"""First guess of an adhesive model: its force is in proportion to modulus and work of adhesion together only."""
 
 from __future__ import annotations
 
@@ -11,55 +11,75 @@ from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import reading
 from palpate_fits.unknowns import Unknowns
 
+# Choices.
 _RATIOS = np.geomspace(1e-12, 1e-2, 21)  # [m] of work of adhesion over modulus
 _HEIGHTS = np.linspace(0.0, 1.0, 41)[1:]  # of the surface within the record, as shares of its range from the bottom
-_FEW, _WHOLE = 500, 20_000  # samples, of the last two grids
-_LAST = 2
+_THINNED_SAMPLES = 500  # of the record, on all grids but the last two
+_FINAL_SAMPLES = 20_000  # of the record, on the last two grids
+_FINAL_GRIDS = 2
 
 
-def adhesive_guess(model: ContactModel, unknowns: Unknowns, whole: FitRecord) -> Floats:
-    """Values (P,) to start from; raises NotFitted where nothing fits.
+def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -> Floats:
+    """Return values (P,) to start from; raises NotFitted where nothing fits.
 
     At every height of the surface and every ratio of work to modulus the force of E = 1 Pa is a column, as are bias and
     slope where they are free. The last grids are of the whole record: the force jumps where the tip touches, so that
     the solvers cannot pass a sample.
     """
-    low, reach = float(whole.height.min()), float(np.ptp(whole.height))
-    surface, own = unknowns.index("surface"), slice(0, len(model.parameters))
-    skin = unknowns.items[surface]
-    extras = [unknowns.index(name) for name in ("bias", "slope") if unknowns.items[unknowns.index(name)].free]
-    base = np.array([0.0 if item.value is None else item.value for item in unknowns.items])
-    base[extras] = 0.0
-    thin = whole.thinned(_FEW), whole.thinned(_WHOLE)
+    surface = unknowns.items[unknowns.index("surface")]
+    is_held = surface.value is not None
+    lowest, span = float(record.height.min()), float(np.ptp(record.height))
+    heights = lowest + span * _HEIGHTS if surface.value is None else np.array([surface.value])
+    heights = np.clip(heights, surface.lower, surface.upper)
+    scale = _ModulusScale(model, unknowns, lowest - span)
+    thinned, final = record.thinned(_THINNED_SAMPLES), record.thinned(_FINAL_SAMPLES)
 
-    def values(ratio: float, height: float) -> Floats:
-        x = base.copy()
-        x[own], x[surface] = (1.0, ratio), height
+    def squares(ratio: float, height: float, grids_left: int) -> float:
+        """Return the sum of squares at a point of a grid; infinite where the modulus would be negative."""
+        solution = scale.solve(final if grids_left < _FINAL_GRIDS else thinned, ratio, height)
+        return solution.squares if solution.unknowns[0] > 0 else np.inf
+
+    ratio, height = best_place(squares, _RATIOS, heights, held=is_held)
+    solution = scale.solve(final, ratio, height)
+    if not (np.isfinite(solution.squares) and solution.unknowns[0] > 0):
+        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
+    x = scale.parameters(ratio, height)
+    x[: len(model.parameters)] *= solution.unknowns[0]
+    x[scale.extras] = solution.unknowns[1:]
+    return np.array([item.inside(value) for item, value in zip(unknowns.items, x.tolist(), strict=True)])
+
+
+class _ModulusScale:
+    """Least squares of the modulus, and of bias and slope where they are free, at a ratio and a surface.
+
+    `no_contact` [m] is a height of the surface below all of the record.
+    """
+
+    def __init__(self, model: ContactModel, unknowns: Unknowns, no_contact: float) -> None:
+        self._model, self._unknowns, self._no_contact = model, unknowns, no_contact
+        self._surface = unknowns.index("surface")
+        places = [unknowns.index(name) for name in ("bias", "slope")]
+        self.extras = [place for place in places if unknowns.items[place].free]
+        self._base = np.array([0.0 if item.value is None else item.value for item in unknowns.items])
+        self._base[self.extras] = 0.0
+
+    def parameters(self, ratio: float, height: float) -> Floats:
+        """Return all parameters (P,) for a modulus of 1 Pa, a ratio [m] of work to modulus and a surface [m]."""
+        x = self._base.copy()
+        x[: len(self._model.parameters)] = 1.0, ratio
+        x[self._surface] = height
         return x
 
-    def at(ratio: float, height: float, left: int) -> LinearPart:
-        record = thin[left < _LAST]
-        rest, force = (
-            np.asarray(reading(model, values(ratio, z).tolist(), list(record.parts), record.transition), float)
-            for z in (low - reach, height)  # what is read without contact, and with it
-        )
-        others = {"bias": np.ones(len(record)), "slope": record.time}
-        columns = np.column_stack([force - rest, *(others[unknowns.names[place]] for place in extras)])
-        return linear_part(record.weight[:, None] * columns, record.weight * (record.force - rest))
+    def solve(self, record: FitRecord, ratio: float, height: float) -> LinearPart:
+        """Return the best modulus [Pa] and values of the extras."""
+        without_contact, reading_at_1 = (self._reading(record, ratio, z) for z in (self._no_contact, height))
+        extra_columns = {"bias": np.ones(len(record)), "slope": record.time}
+        columns = [reading_at_1 - without_contact]
+        columns += [extra_columns[self._unknowns.names[place]] for place in self.extras]
+        weighted = record.weight[:, None] * np.column_stack(columns)
+        return linear_part(weighted, record.weight * (record.force - without_contact))
 
-    heights = low + reach * _HEIGHTS if skin.value is None else np.array([skin.value])
-    heights = np.clip(heights, skin.lower, skin.upper)
-    held = skin.value is not None
-
-    def squares(ratio: float, height: float, left: int) -> float:
-        found = at(ratio, height, left)
-        return found.squares if found.unknowns[0] > 0 else np.inf
-
-    ratio, height = best_place(squares, _RATIOS, heights, held=held)
-    found = at(ratio, height, 0)
-    if not (np.isfinite(found.squares) and found.unknowns[0] > 0):
-        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
-    x = values(ratio, height)
-    x[own] *= found.unknowns[0]
-    x[extras] = found.unknowns[1:]
-    return np.array([item.inside(value) for item, value in zip(unknowns.items, x.tolist(), strict=True)])
+    def _reading(self, record: FitRecord, ratio: float, height: float) -> Floats:
+        """Return the expected reading (n,) [N]."""
+        parameters = self.parameters(ratio, height).tolist()
+        return np.asarray(reading(self._model, parameters, list(record.parts), record.transition), float)

@@ -13,14 +13,19 @@ from palpate_kit.numerics.tip_travel import median, third_differences
 
 from palpate_fits.segments import RecordCourse
 
-_LEAST_AIR = 20  # samples
-_NEAR = 15.0  # standard deviations of the force
-_IN_ALL = 3  # samples beyond, which one alone may be by chance
+# Choices.
+_MIN_AIR_SAMPLES = 20
+_MIN_CONTACT_SAMPLES = 5
+_NEAR_NOISE = 15.0  # [standard deviations of the force], up to which the change point is looked for
+_BEYOND_SAMPLES = 3  # of a force beyond that; one alone may be by chance
+_AIR_TRAVELS = 2.0  # travels in contact of air above the touch that belong to the approach
+_MIN_TRAVEL = 1e-12  # [m] in contact, in place of 0: below any resolution
+_THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of third differences over that of white noise
 
 
 @dataclass(frozen=True)
 class SurfaceByForce:
-    """Where methods that look at the force alone see the surface, worked out where it is needed."""
+    """The surface by methods that use the force alone, computed when it is first asked for."""
 
     samples: Samples
     course: RecordCourse
@@ -36,50 +41,58 @@ class SurfaceByForce:
         """The contact points by method, of those that find one."""
         if self.approach is None:
             return {}
-        found = {method: contact_point(method, self.approach, self.threshold) for method in CONTACT_METHODS}
-        return {method: point for method, point in found.items() if point is not None}
+        points = {method: contact_point(method, self.approach, self.threshold) for method in CONTACT_METHODS}
+        return {method: point for method, point in points.items() if point is not None}
 
 
 def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
-    """Return the first approach with enough air before it; None where the record has no such thing."""
-    known = np.isfinite(samples.force) & (course.cycle <= 1)
-    touched = int(np.argmax(samples.contact))
-    deepest = np.where(known[touched:] & samples.contact[touched:], samples.position[touched:], np.inf).argmin()
-    known[touched + int(deepest) + 1 :] = False
-    near = samples.position < course.touch + max(2.0 * course.travel, 1e-12)
-    rows = np.flatnonzero(known & near)
-    air = int(np.count_nonzero(rows < touched))
-    if air < _LEAST_AIR or len(rows) - air < 5:
+    """Return the samples from the air above the surface to the deepest point of the first cycle.
+
+    None where these have less than 20 samples in air or 5 in contact.
+    """
+    in_approach = np.isfinite(samples.force) & (course.cycle <= 1)
+    touch = int(np.argmax(samples.contact))
+    in_contact = in_approach[touch:] & samples.contact[touch:]
+    deepest = touch + int(np.where(in_contact, samples.position[touch:], np.inf).argmin())
+    in_approach[deepest + 1 :] = False
+    is_near = samples.position < course.touch + max(_AIR_TRAVELS * course.travel, _MIN_TRAVEL)
+    rows = np.flatnonzero(in_approach & is_near)
+    air = int(np.count_nonzero(rows < touch))
+    if air < _MIN_AIR_SAMPLES or len(rows) - air < _MIN_CONTACT_SAMPLES:
         return None
     interval = median(np.diff(samples.time[rows]))
-    return _ended(Approach(samples.position[rows], samples.force[rows], air, interval))
+    return _up_to_contact(Approach(samples.position[rows], samples.force[rows], air, interval))
 
 
-def _ended(approach: Approach) -> Approach:
+def _up_to_contact(approach: Approach) -> Approach:
     """Return the approach with its air ending where contact begins, which a threshold passes later.
 
     A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
     still near its noise, as only there the law of a change point is good for every tip.
     """
-    noise = float(np.sqrt(np.mean(third_differences(approach.force) ** 2) / 20.0))
-    beyond = np.flatnonzero(approach.force[approach.air :] - median(approach.force[: approach.air]) > _NEAR * noise)
-    end = approach.air + (int(beyond[_IN_ALL - 1]) if len(beyond) >= _IN_ALL else len(approach.force))
-    found = change_point(approach.height[:end], approach.force[:end])
-    if found is None:
+    # Up to the third sample whose force is far beyond the noise.
+    noise = float(np.sqrt(np.mean(third_differences(approach.force) ** 2) / _THIRD_DIFFERENCE_GAIN))
+    rise = approach.force[approach.air :] - median(approach.force[: approach.air])
+    beyond = np.flatnonzero(rise > _NEAR_NOISE * noise)
+    is_seen = len(beyond) >= _BEYOND_SAMPLES
+    end = approach.air + (int(beyond[_BEYOND_SAMPLES - 1]) if is_seen else len(approach.force))
+    change = change_point(approach.height[:end], approach.force[:end])
+    if change is None:
         return approach
-    below = approach.height[: approach.air] < found.surface
-    air = approach.air - (int(np.argmin(below[::-1])) if not below.all() else 0)
-    return replace(approach, air=air) if air >= _LEAST_AIR else approach
+    # Of the air without its last stretch, which is below that surface.
+    is_below = approach.height[: approach.air] < change.surface
+    air = approach.air - (int(np.argmin(is_below[::-1])) if not is_below.all() else 0)
+    return replace(approach, air=air) if air >= _MIN_AIR_SAMPLES else approach
 
 
 def constrained_surface(approach: Approach, force_uncertainty: float) -> float:
-    """The lowest height [m] at which the measured force on the way down is still within the sensor's uncertainty.
+    """Return the lowest height [m] at which the measured force on the way down is within the sensor's uncertainty.
 
     The paper's constraint -F_unc <= F(z_surf) <= F_unc (eq. minprob): as F is measured, it depends on z_surf alone, and
     what it allows is an interval of heights from here upwards.
     """
     edges, means = bin_force(approach)
-    beyond = np.abs(means) > force_uncertainty
+    is_beyond = np.abs(means) > force_uncertainty
     # From the bottom up: the contact is the last stretch of heights that are all beyond.
-    last = len(beyond) - int(np.argmin(beyond[::-1])) if not beyond.all() else 0
-    return float(edges[min(last, len(edges) - 1)])
+    first_bin = len(is_beyond) - int(np.argmin(is_beyond[::-1])) if not is_beyond.all() else 0
+    return float(edges[min(first_bin, len(edges) - 1)])

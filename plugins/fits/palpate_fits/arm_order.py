@@ -12,8 +12,10 @@ from palpate_fits.unknowns import Unknowns
 
 
 def in_order(model: ContactModel, unknowns: Unknowns, solution: Solution) -> Solution:
-    """Return the same minimum with the model's interchangeable parameters in rising order, unless a user named one
-    of them."""
+    """Return the same minimum with the model's interchangeable arms in the order of their times.
+
+    Unchanged where a user's settings distinguish them.
+    """
     places = list(range(len(solution.x)))
     order = places_in_order(model, solution.x)
     if order == places[: len(order)] or not _alike(model, unknowns):
@@ -24,18 +26,17 @@ def in_order(model: ContactModel, unknowns: Unknowns, solution: Solution) -> Sol
 
 
 def places_in_order(model: ContactModel, theta: Floats) -> list[int]:
-    """Where each parameter of the ordered model stands among these."""
-    groups = model.interchangeable
+    """Return, for each parameter of the ordered model, its place among these (k,): arms by rising last value."""
+    arms = model.interchangeable
     places = list(range(len(model.parameters)))
-    for group, taken in zip(groups, sorted(groups, key=lambda group: float(theta[group[-1]])), strict=True):
-        for to, of in zip(group, taken, strict=True):
-            places[to] = of
+    for arm, ordered_arm in zip(arms, sorted(arms, key=lambda arm: float(theta[arm[-1]])), strict=True):
+        for place, ordered_place in zip(arm, ordered_arm, strict=True):
+            places[place] = ordered_place
     return places
 
 
 def _alike(model: ContactModel, unknowns: Unknowns) -> bool:
-    """Return True if nothing distinguishes the groups: all free, with the same bounds, and started nowhere in
-    particular."""
+    """Return True if the settings do not distinguish the arms: all free, with the same bounds and no start."""
     for places in zip(*model.interchangeable, strict=True):
         items = [unknowns.items[place] for place in places]
         if not all(item.free and item.value is None for item in items):

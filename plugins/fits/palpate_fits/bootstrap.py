@@ -14,6 +14,9 @@ from palpate_fits.solvers import descend
 from palpate_fits.uncertainty import ResidualScatter
 from palpate_fits.unknowns import Unknowns
 
+_BLOCK_TIMES = 10.0  # correlation times of a block, beyond which residuals are independent (choice)
+_MIN_BLOCKS = 4  # of a record (choice)
+
 
 def block_bootstrap(
     residual: Residual,
@@ -21,32 +24,42 @@ def block_bootstrap(
     record: FitRecord,
     x: Floats,
     loss: LossFunction,
-    found: ResidualScatter,
+    residual_scatter: ResidualScatter,
     repeats: int,
     seed: int,
     confidence: float,
 ) -> dict[str, Any]:
-    """Standard deviation and percentile interval of each free unknown over refits (circular blocks; Politis 1992)."""
+    """Return standard deviation and percentile interval of each free unknown over refits, as ``result.json`` has them.
+
+    Each refit is of the model's force less residuals that are drawn in circular blocks (Politis and Romano 1992).
+    """
     random = np.random.default_rng(seed)
     error = residual.whole(record, x)[0]
     used = np.flatnonzero(record.used)
-    left = error[used] / record.weight[used]
-    left = left - left.mean()
-    length = int(np.clip(np.ceil(max(len(left) ** (1 / 3), 10.0 * found.correlation_time)), 1, max(len(left) // 4, 1)))
     expected = record.force.copy()
     expected[used] += error[used] / record.weight[used]
-    values = np.empty((repeats, len(residual.free)))
+    centred = error[used] / record.weight[used]
+    centred = centred - centred.mean()
+    n, length = len(centred), _block_length(len(centred), residual_scatter.correlation_time)
+    estimates = np.empty((repeats, len(residual.free)))
     for repeat in range(repeats):
-        starts = random.integers(0, len(left), -(-len(left) // length))
-        drawn = left[(starts[:, None] + np.arange(length)).ravel()[: len(left)] % len(left)]
+        # Blocks from random starts, around the end of the record, as many as give n residuals.
+        starts = random.integers(0, n, -(-n // length))
+        rows = (starts[:, None] + np.arange(length)).ravel()[:n] % n
         force = expected.copy()
-        force[used] -= drawn
+        force[used] -= centred[rows]
         solution = descend(residual, unknowns, record.with_force(force), x, loss)
-        values[repeat] = solution.x[list(residual.free)]
-    tail = 50.0 * (1.0 - confidence)
+        estimates[repeat] = solution.x[list(residual.free)]
+    tail = 50.0 * (1.0 - confidence)  # [%] on each side
     table = {}
     for column, place in enumerate(residual.free):
-        low, high = np.percentile(values[:, column], [tail, 100.0 - tail])
-        name = unknowns.names[place]
-        table[name] = {"std": float(values[:, column].std(ddof=1)), "interval": [float(low), float(high)]}
+        low, high = np.percentile(estimates[:, column], [tail, 100.0 - tail])
+        std = float(estimates[:, column].std(ddof=1))
+        table[unknowns.names[place]] = {"std": std, "interval": [float(low), float(high)]}
     return {"repeats": repeats, "block": length, "seed": seed, "unknowns": table}
+
+
+def _block_length(count: int, correlation_time: float) -> int:
+    """Return the samples of a block: n^(1/3), or 10 correlation times where these are longer; a quarter at most."""
+    length = np.ceil(max(count ** (1 / 3), _BLOCK_TIMES * correlation_time))
+    return int(np.clip(length, 1, max(count // _MIN_BLOCKS, 1)))

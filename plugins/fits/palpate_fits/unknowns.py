@@ -1,4 +1,4 @@
-"""What a fit looks for: the model's parameters, the surface, and what may be wrong with force and timing."""
+"""The unknowns of a fit: the model's parameters, the surface, and errors of force and timing."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from palpate import ConfigurationError, ContactModel, Floats, to_si
 
 EXTRAS = ("surface", "bias", "slope", "tip_mass", "delay")
 _EXTRA_UNITS = ("m", "N", "N/s", "kg", "s")
-_LONGEST_DELAY = 0.05  # [s]; the motion at another time is a Taylor expansion, good to 1 % of itself there at 2 Hz
+_MAX_DELAY = 0.05  # [s]; the motion at another time is a Taylor expansion, good to 1 % of itself there at 2 Hz
 
 
 @dataclass(frozen=True)
 class FitUnknown:
-    """One number that a fit finds, or is given."""
+    """One number of a fit, free or fixed."""
 
     name: str
     unit: str  # SI
@@ -33,30 +33,30 @@ class FitUnknown:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All of them in the order of the residual's parameters: the model's, then EXTRAS."""
+    """All numbers of a fit in the order of the residual's parameters: the model's, then EXTRAS."""
 
     items: tuple[FitUnknown, ...]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Every name."""
+        """The names, in order."""
         return tuple(item.name for item in self.items)
 
     @cached_property
     def free(self) -> tuple[int, ...]:
-        """Places of those that are looked for."""
+        """The places of the free ones."""
         return tuple(i for i, item in enumerate(self.items) if item.free)
 
     def index(self, name: str) -> int:
-        """Place of a name."""
+        """Return the place of a name."""
         return self.names.index(name)
 
     def bounds(self, places: Sequence[int]) -> tuple[Floats, Floats]:
-        """Lower and upper bounds of some."""
+        """Return lower and upper bounds (n,) at some places."""
         return np.array([self.items[i].lower for i in places]), np.array([self.items[i].upper for i in places])
 
     def changed(self, name: str, **changes: Any) -> Unknowns:
-        """Return the same with another setting of one."""
+        """Return the unknowns with other settings of the one of a name."""
         place = self.index(name)
         item = replace(self.items[place], **changes)
         return Unknowns((*self.items[:place], item, *self.items[place + 1 :]))
@@ -73,12 +73,12 @@ def unknowns_of(
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
     limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
     limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
-    limits["delay"] = (-_LONGEST_DELAY, _LONGEST_DELAY)
-    for table, given in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
-        for name in given:
+    limits["delay"] = (-_MAX_DELAY, _MAX_DELAY)
+    for key, table in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
+        for name in table:
             if name not in units:
-                _refuse(f"{table}: no unknown {name!r}; there are: {', '.join(units)}")
-    found = []
+                _refuse(f"{key}: no unknown {name!r}; there are: {', '.join(units)}")
+    items = []
     for name, unit in units.items():
         low, high = _limits(name, unit, limits[name], bounds)
         value = None
@@ -88,11 +88,11 @@ def unknowns_of(
             value = _number("start_at", name, guesses[name], unit)
             if not low <= value <= high:
                 _refuse(f"start_at: {name} = {value:g} {unit} is outside its bounds {low:g} to {high:g}")
-        looked_for = name not in EXTRAS or name == "surface" or name in extras
         if name in fixed and name in extras:
             _refuse(f"{name} is fixed and among the unknowns: take it out of one of them")
-        found.append(FitUnknown(name, unit, low, high, looked_for and name not in fixed, value))
-    return Unknowns(tuple(found))
+        is_unknown = name not in EXTRAS or name == "surface" or name in extras
+        items.append(FitUnknown(name, unit, low, high, is_unknown and name not in fixed, value))
+    return Unknowns(tuple(items))
 
 
 def at_physical_bounds(unknowns: Unknowns, model: ContactModel) -> Unknowns:
@@ -104,6 +104,7 @@ def at_physical_bounds(unknowns: Unknowns, model: ContactModel) -> Unknowns:
 
 
 def _limits(name: str, unit: str, usual: tuple[float, float], bounds: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the bounds of an unknown [SI], those of the settings within the `usual` ones."""
     if name not in bounds:
         return usual
     low, high = (_number("bounds", name, edge, unit) for edge in bounds[name])

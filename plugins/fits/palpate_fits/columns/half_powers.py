@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-_HIGHEST = 4.5
+_MAX_EXPONENT = 4.5  # up to which products are faster than `pow` (choice)
 
 
 def with_roots(function: Any) -> Any:
@@ -15,44 +15,42 @@ def with_roots(function: Any) -> Any:
     names = operations()
     inputs = [casadi.SX.sym(f"i{k}", function.numel_in(k)) for k in range(function.n_in())]
     outputs = [casadi.SX.zeros(function.numel_out(k)) for k in range(function.n_out())]
-    known: dict[int, Any] = {}
-    constants: dict[int, float] = {}
+    # The function's instructions again, one after the other; each writes a register, which later ones use again.
+    registers: dict[int, Any] = {}
+    constants: dict[int, float] = {}  # of registers that hold one
     for k in range(function.n_instructions()):
-        code, places, targets = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
+        code = function.instruction_id(k)
+        arguments, targets = function.instruction_input(k), function.instruction_output(k)
         name = names[code]
         if name == "OP_OUTPUT":
-            outputs[targets[0]][targets[1]] = known[places[0]]
+            outputs[targets[0]][targets[1]] = registers[arguments[0]]
             continue
-        target = targets[0]
+        register = targets[0]
         constant = float(function.instruction_constant(k)) if name == "OP_CONST" else None
         if constant is not None:
-            known[target] = casadi.SX(constant)
+            registers[register] = casadi.SX(constant)
         elif name == "OP_INPUT":
-            known[target] = inputs[places[0]][places[1]]
-        elif name in ("OP_POW", "OP_CONSTPOW") and _half(constants.get(places[1])):
-            known[target] = _power(known[places[0]], constants[places[1]])
-        elif len(places) == 1:
-            known[target] = casadi.SX.unary(code, known[places[0]])
+            registers[register] = inputs[arguments[0]][arguments[1]]
+        elif name in ("OP_POW", "OP_CONSTPOW") and _is_half_integer(constants.get(arguments[1])):
+            registers[register] = _half_integer_power(registers[arguments[0]], constants[arguments[1]])
+        elif len(arguments) == 1:
+            registers[register] = casadi.SX.unary(code, registers[arguments[0]])
         else:
-            known[target] = casadi.SX.binary(code, *(known[place] for place in places))
-        constants.pop(target, None)  # places are used again
+            registers[register] = casadi.SX.binary(code, *(registers[argument] for argument in arguments))
+        constants.pop(register, None)
         if constant is not None:
-            constants[target] = constant
-    return casadi.Function(function.name(), inputs, [casadi.densify(one) for one in outputs], {"cse": True})
+            constants[register] = constant
+    return casadi.Function(function.name(), inputs, [casadi.densify(output) for output in outputs], {"cse": True})
 
 
-def _half(exponent: float | None) -> bool:
-    return exponent is not None and abs(exponent) <= _HIGHEST and (2.0 * exponent) % 2.0 == 1.0
+def _is_half_integer(exponent: float | None) -> bool:
+    """Return True for -4.5, -3.5 .. 4.5."""
+    return exponent is not None and abs(exponent) <= _MAX_EXPONENT and (2.0 * exponent) % 2.0 == 1.0
 
 
-def _power(base: Any, exponent: float) -> Any:
-    root = base**0.5
-    whole = int(abs(exponent))
-    product = root
-    for _ in range(whole):
+def _half_integer_power(base: Any, exponent: float) -> Any:
+    """Return base^(n + 1/2) as sqrt(base) base ... base; its inverse for a negative exponent."""
+    product = base**0.5
+    for _ in range(int(abs(exponent))):
         product = product * base
     return product if exponent > 0 else 1.0 / product
