@@ -13,9 +13,11 @@ from pydantic import Field, model_validator
 
 from palpate_kit.kinematics.rotations import rotation_vector
 
-_FEWEST = 6  # joints that hold a tool anywhere and anyhow
+_MIN_JOINTS = 6  # that hold a tool at any place in any orientation
 _FULL_TURN = 2.0 * math.pi
-_STEP = 0.5  # [rad] of the largest joint in one step of Newton's method
+_MAX_STEP = 0.5  # [rad] of the fastest joint in one step of Newton's method (choice)
+_MIN_STEP = 1e-12  # [rad] in a quotient, in place of 0
+_ANGLE_DIGITS = 15  # of a cosine, to which a quarter turn is exact
 Transform = tuple[float, ...]
 """A rotation (3, 3), row by row, and a translation (3,) [m]: twelve numbers."""
 
@@ -48,7 +50,7 @@ class ArmModel(Settings):
     name: str = Field(min_length=1, description="of the arm")
     base: Transform = Field(min_length=12, max_length=12, description="first joint in the base")
     links: tuple[Transform, ...] = Field(description="next joint, or the flange, in the frame that a joint turns")
-    joints: tuple[str, ...] = Field(min_length=_FEWEST, description="names of the joints, from the base on")
+    joints: tuple[str, ...] = Field(min_length=_MIN_JOINTS, description="names of the joints, from the base on")
     low: tuple[Angle, ...] = Field(description="least angle of each joint")
     high: tuple[Angle, ...] = Field(description="greatest angle of each joint")
     speed: tuple[AngularSpeed, ...] = Field(description="highest speed of each joint")
@@ -83,21 +85,24 @@ class ArmModel(Settings):
         modified: bool = False,
         places: Sequence[str] = (),
     ) -> ArmModel:
-        """From Denavit-Hartenberg parameters; the flange is so far [m] along the last joint's axis.
+        """Return the model of Denavit-Hartenberg parameters; the `flange` is so far [m] along the last joint's axis.
 
         Standard: T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i). Modified, after Craig: T_i = Rx(alpha_i) Tx(a_i) Rz(q_i)
-        Tz(d_i).
+        Tz(d_i). A link is all that is between the turns Rz of two joints, and the offset of an angle belongs to the
+        link before it.
         """
         screws = [_shift(joint.a, 0.0) @ _turn("x", joint.alpha) for joint in joints]
-        turns = [_turn("z", joint.offset) for joint in joints]
+        offsets = [_turn("z", joint.offset) for joint in joints]
         shifts = [_shift(0.0, joint.d) for joint in joints]
         end = _shift(0.0, flange)
         if modified:
-            base, behind = screws[0] @ turns[0], [*(s @ t for s, t in zip(screws[1:], turns[1:], strict=True)), end]
-            links = [shift @ rest for shift, rest in zip(shifts, behind, strict=True)]
+            base = screws[0] @ offsets[0]
+            next_joints = [screw @ offset for screw, offset in zip(screws[1:], offsets[1:], strict=True)]
+            links = [shift @ behind for shift, behind in zip(shifts, [*next_joints, end], strict=True)]
         else:
-            base, behind = turns[0], [*turns[1:], end]
-            links = [d @ screw @ rest for d, screw, rest in zip(shifts, screws, behind, strict=True)]
+            base = offsets[0]
+            parts = zip(shifts, screws, [*offsets[1:], end], strict=True)
+            links = [shift @ screw @ behind for shift, screw, behind in parts]
         low, high, speed = zip(*((joint.low, joint.high, joint.speed) for joint in joints), strict=True)
         return cls(
             name=name,
@@ -121,7 +126,7 @@ class ArmModel(Settings):
         return np.array(self.speed)
 
     def end_of(self, q: Sequence[float]) -> str | None:
-        """Which joint is beyond its ends, and where; None where none is."""
+        """Return a sentence on the first joint that is beyond its ends; None where none is."""
         for name, angle, low, high in zip(self.joints, q, self.low, self.high, strict=True):
             if not low <= angle <= high:
                 ends = f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg"
@@ -129,35 +134,39 @@ class ArmModel(Settings):
         return None
 
     def flange(self, q: Sequence[float]) -> tuple[Floats, Floats]:
-        """Pose of the flange (4, 4) in the base, and the axes: origin and direction of each joint (n, 2, 3)."""
+        """Return the pose of the flange (4, 4) in the base, and origin and direction of each joint's axis (n, 2, 3)."""
         return _flange(tuple(q), self)
 
     def tip(self, q: Sequence[float], tcp: Floats) -> tuple[Floats, Floats]:
-        """Pose (4, 4) of the tool centre point in the base, and its Jacobian (6, n): (v, w) = J q'.
+        """Return the pose (4, 4) of the tool centre point in the base, and its Jacobian (6, n): (v, w) = J q'.
 
         `tcp` is the pose (4, 4) of the tool centre point on the flange.
         """
         return tip_of(*self.flange(q), tcp)
 
     def tip_and_places(self, q: Sequence[float], tcp: Floats) -> tuple[Floats, Floats, Floats]:
-        """Like `tip`, and the places (n - 1, 3) [m] in the base."""
+        """Return pose and Jacobian as `tip` does, and the places (n - 1, 3) [m] in the base."""
         end, axes = self.flange(q)
         return *tip_of(end, axes, tcp), np.concatenate([axes[2:, 0], end[None, :3, 3]])
 
     def joints_at(
         self, pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10
     ) -> Floats | None:
-        """Joint angles (n,) that put the tool centre point at a pose (4, 4), by Newton's method; None where it fails.
+        """Return the joint angles (n,) that put the tool centre point at a pose (4, 4); None where there are none.
 
-        An arm of more than six joints takes the nearest of all postures.
+        By Newton's method from the angles `near` (n,), up to a `tolerance` [m], [rad]; an arm of more than six joints
+        takes the smallest steps. None as well at a singularity, and where the `steps` do not suffice.
         """
         q = np.array(near, float)
         for _ in range(steps):
-            place, jacobian = self.tip(q.tolist(), tcp)
-            error = np.concatenate([pose[:3, 3] - place[:3, 3], rotation_vector(pose[:3, :3] @ place[:3, :3].T)])
+            current, jacobian = self.tip(q.tolist(), tcp)
+            translation = pose[:3, 3] - current[:3, 3]
+            rotation = rotation_vector(pose[:3, :3] @ current[:3, :3].T)
+            error = np.concatenate([translation, rotation])
             if np.abs(error).max() < tolerance:
-                turned = (q + np.pi) % _FULL_TURN - np.pi if np.abs(q).max() > _FULL_TURN else q
-                return np.asarray(turned, np.float64)
+                # A joint that has gone round on the way is turned back to -pi .. pi.
+                wrapped = (q + np.pi) % _FULL_TURN - np.pi if np.abs(q).max() > _FULL_TURN else q
+                return np.asarray(wrapped, np.float64)
             try:
                 step = solve(jacobian, error)
             except np.linalg.LinAlgError:
@@ -165,13 +174,18 @@ class ArmModel(Settings):
             largest = float(np.abs(step).max())
             if not math.isfinite(largest):
                 return None
-            q = q + step * min(1.0, _STEP / max(largest, 1e-12))
+            q = q + step * min(1.0, _MAX_STEP / max(largest, _MIN_STEP))
         return None
 
 
 @lru_cache(maxsize=16)  # Newton's method begins where it last ended
 def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
-    # Plain floats: products of small matrices in numpy take three times as long.
+    """Return what `ArmModel.flange` does: pose (4, 4) of the flange, and the axes (n, 2, 3) of the joints.
+
+    T = [[xu, xv, xw, x], [yu, yv, yw, y], [zu, zv, zw, z], [0, 0, 0, 1]] becomes T Rz(q_i) L_i joint by joint, with the
+    link L_i = [[a, b, c, along], [d, e, f, across], [g, h, i, up], [0, 0, 0, 1]]; (u, v, w) is a row of T Rz(q_i). In
+    plain floats, as products of small matrices in numpy take three times as long.
+    """
     xu, xv, xw, yu, yv, yw, zu, zv, zw, x, y, z = model.base
     axes = []
     for angle, (a, b, c, d, e, f, g, h, i, along, across, up) in zip(q, model.links, strict=True):
@@ -191,10 +205,14 @@ def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
 
 
 def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
-    """Like `ArmModel.tip`, from what `ArmModel.flange` gives."""
+    """Return what `ArmModel.tip` does, from the flange's pose `end` and the `axes` of `ArmModel.flange`.
+
+    A joint with the axis e through a moves the tip p by v = e x (p - a), w = e.
+    """
     pose = end @ tcp
     arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]
     jacobian = np.empty((6, len(axes)))
+    # The cross product.
     jacobian[0] = axis[:, 1] * arm[:, 2] - axis[:, 2] * arm[:, 1]
     jacobian[1] = axis[:, 2] * arm[:, 0] - axis[:, 0] * arm[:, 2]
     jacobian[2] = axis[:, 0] * arm[:, 1] - axis[:, 1] * arm[:, 0]
@@ -203,7 +221,7 @@ def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
 
 
 def solve(jacobian: Floats, twist: Floats) -> Floats:
-    """Joint speeds (n,) for a twist (6,), the smallest where there are many; raises numpy's LinAlgError."""
+    """Return joint speeds (n,) for a twist (6,), the smallest where there are many; raises numpy's LinAlgError."""
     if jacobian.shape[1] == 6:
         return np.asarray(np.linalg.solve(jacobian, twist), np.float64)
     return np.asarray(inverse_of(jacobian) @ twist, np.float64)
@@ -217,8 +235,11 @@ def inverse_of(jacobian: Floats) -> Floats:
 
 
 def _turn(axis: str, angle: float) -> Floats:
-    # A quarter turn is meant exactly: 6e-17 for its cosine would tilt nothing, but round zeros into noise.
-    cosine, sine = round(math.cos(angle), 15), round(math.sin(angle), 15)
+    """Return the rotation (4, 4) by an angle [rad] around x or z.
+
+    A quarter turn is exact: a cosine of 6e-17 would tilt nothing, but round zeros into noise.
+    """
+    cosine, sine = round(math.cos(angle), _ANGLE_DIGITS), round(math.sin(angle), _ANGLE_DIGITS)
     turn = np.eye(4)
     first, second = (1, 2) if axis == "x" else (0, 1)
     turn[first, first] = turn[second, second] = cosine
@@ -227,6 +248,7 @@ def _turn(axis: str, angle: float) -> Floats:
 
 
 def _shift(x: float, z: float) -> Floats:
+    """Return the translation (4, 4) along x and z [m]."""
     shift = np.eye(4)
     shift[0, 3], shift[2, 3] = x, z
     return shift

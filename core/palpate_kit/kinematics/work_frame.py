@@ -1,4 +1,4 @@
-"""The work frame: where the skin is, and which way is out."""
+"""The work frame: a place on the skin, and the outward normal there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pydantic import Field
 
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 
-_DOWN = np.diag([1.0, -1.0, -1.0])  # the tool looks against the normal
+_DOWN = np.diag([1.0, -1.0, -1.0])  # half a turn around x: the tool looks against the normal
+_HELPFUL_SHARE = 0.9  # of an angle that has to be left for a turn of the tool not to be advised (choice)
 
 
 class WorkFrame(Settings):
@@ -38,11 +39,11 @@ class WorkFrame(Settings):
 
     @cached_property
     def axes_in_tool(self) -> Floats:
-        """The frame's axes (3, 3) in the frame of that tool: it makes a rotation vector of the one one of the other."""
+        """The frame's axes (3, 3) in the tool's frame, which turn a vector of the work frame into one of the tool's."""
         return np.asarray(self.tool.T @ self.matrix[:3, :3])
 
     def tool_pose(self, position: Floats) -> Floats:
-        """Pose (4, 4) in the base of a tool at a position (3,) [m] in the work frame."""
+        """Return the pose (4, 4) in the base of a tool at a position (3,) [m] in the work frame."""
         pose = np.eye(4)
         pose[:3, :3] = self.tool
         pose[:3, 3] = self.matrix[:3, 3] + self.matrix[:3, :3] @ position
@@ -50,15 +51,19 @@ class WorkFrame(Settings):
 
 
 def agreement(work: WorkFrame, rotation: Floats) -> tuple[float, str]:
-    """Angle [rad] between a tool (3, 3) in the base and the frame's, and what would make them agree."""
+    """Return the angle [rad] between a tool (3, 3) in the base and the frame's, and advice on how to make it smaller.
+
+    Of all turns around its axis the one by atan2(R_yx - R_xy, R_xx + R_yy) brings the frame's tool nearest to this one,
+    R the rotation from the frame's tool without a turn to it.
+    """
     angle = float(np.linalg.norm(rotation_vector(work.tool.T @ rotation)))
-    bare = (work.matrix[:3, :3] @ _DOWN).T @ rotation
-    # The turn about the tool's axis that brings the frame's tool nearest to this one.
-    turn = math.atan2(bare[1, 0] - bare[0, 1], bare[0, 0] + bare[1, 1])
-    left = float(np.linalg.norm(rotation_vector(rotation_matrix((0.0, 0.0, -turn)) @ bare)))
+    from_unturned = (work.matrix[:3, :3] @ _DOWN).T @ rotation
+    turn = math.atan2(from_unturned[1, 0] - from_unturned[0, 1], from_unturned[0, 0] + from_unturned[1, 1])
+    unturned = rotation_matrix((0.0, 0.0, -turn)) @ from_unturned
+    smallest_angle = float(np.linalg.norm(rotation_vector(unturned)))
     degrees = f"{math.degrees(turn):.1f} deg"
-    if left < 0.9 * angle:
-        advice = f'with work.turn = "{degrees}" it would be off by {math.degrees(left):.1f} deg'
+    if smallest_angle < _HELPFUL_SHARE * angle:
+        advice = f'with work.turn = "{degrees}" it would be off by {math.degrees(smallest_angle):.1f} deg'
     else:
         advice = "turn the tool by hand, or set work.rotation to the skin's"
     return angle, advice

@@ -1,4 +1,4 @@
-"""Evidence in the numbers: which move together as force, position and velocity of a palpation do, and with which sign.
+"""Evidence that columns move together as force, position and velocity of a palpation do, and of the force's sign.
 
 A contact force is a function of the depth and its rate, and grows faster than the depth: F ~ c0 + c1 z + c2 z^2 +
 c3 z' + c4 z z', with c2 > 0 whichever way z counts (a contact is one-sided; a half-space, a hinge at the surface and
@@ -14,155 +14,184 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_SPAN = (99.8, 0.2)  # [%] of the readings, between which they change: single spikes do not count
-_REACH = 25  # samples to either side over which a derivative is taken: noise averages out, and the mean is exact
-_EVEN = 0.5  # of a rate's own movement that the slope may leave
-_FAR = 0.2  # of its largest value that a rate falls below somewhere
-_NEAR = 5  # samples to either side for the rate of a position itself
-_MOST = 60_000  # points of the common grid
-_RESTS = 0.01  # share of a record
-_SURE = 4.0  # ratio of a one-sided force's excursions that determines its sign
-_BEGIN, _FEW = 100, 8  # the begin of a record: a part of it, or so many samples
-_CURVED = 3.0  # standard errors of a significant curvature, with 50 independent stretches of the record
+# Choices.
+_SPAN_PERCENTILES = (99.8, 0.2)  # [%] of the readings, between which they change: single spikes do not count
+_CLEAN_PERCENTILES = (0.5, 99.5)  # [%] of the readings, about which spikes are far
+_SPIKE_SPANS = 20.0  # spans beyond these percentiles, from which on a reading is a spike
+_MAX_READING = 1e100  # beyond which a number is no reading
+_DERIVATIVE_SAMPLES = 25  # to either side, of a derivative: noise averages out, and the mean is exact
+_MIN_DERIVATIVE_SAMPLES = 6 * _DERIVATIVE_SAMPLES  # of a record, for a comparison with a derivative
+_MAX_UNEXPLAINED = 0.5  # of a rate's own movement that the slope may leave
+_MIN_RATE_SHARE = 0.2  # of its largest value that a rate falls below somewhere
+_RATE_SAMPLES = 5  # to either side, of the rate in the law of a contact
+_MIN_LAW_SAMPLES = 20 * _RATE_SAMPLES  # of a record, for a bend and its error
+_MAX_GRID = 60_000  # points of the common grid
+_REST_SHARE = 0.01  # of a record, from which on its force rests somewhere
+_REST_NOISE, _REST_SPAN = 4.0, 0.01  # standard deviations of noise, and share of the span, within which a force rests
+_DENSEST_PART = 20  # of the readings: a twentieth of them is looked for in the smallest interval
+_ONE_SIDED_RATIO = 4.0  # of excursions to both sides of the rest, from which on a force is one-sided
+_BEGIN_PART, _MIN_BEGIN = 100, 8  # a hundredth of a record is its begin, or so many samples
+_BEND_SIGMAS = 3.0  # standard errors of a significant bend, with 50 independent stretches of the record
 _STRETCHES = 50
+_SIDE_PERCENTILES = (1.0, 99.0)  # [%] of the forces, that have one sign
+_RIDGE = 1e-9  # of the normal equations' diagonal, for terms that are the same
+_SMALLEST = 1e-300  # in a quotient, in place of 0: near the smallest double
+_NORMAL_QUARTILE = 0.6745  # [standard deviations], the median size of a normal value
 
 
 def on_grid(times: list[Floats], columns: list[Floats]) -> tuple[Floats, list[Floats]]:
     """Return a common grid of times [s], and every column on it, without spikes that are not part of its movement."""
-    usual = [float(np.median(np.diff(time))) for time in times if len(time) > 2]
-    begin, end = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
-    step = max(min((u for u in usual if u > 0), default=1.0), (end - begin) / _MOST)
+    intervals = [float(np.median(np.diff(time))) for time in times if len(time) > 2]
+    begin, end = min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+    shortest = min((interval for interval in intervals if interval > 0), default=1.0)
+    step = max(shortest, (end - begin) / _MAX_GRID)
     grid: Floats = begin + step * np.arange(max(int((end - begin) / step) + 1, 2), dtype=np.float64)
-    return grid, [np.interp(grid, *_clean(t, c)) for t, c in zip(times, columns, strict=True)]
+    return grid, [np.interp(grid, *_clean(time, column)) for time, column in zip(times, columns, strict=True)]
 
 
 def _clean(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    good = np.isfinite(values) & np.isfinite(time) & (np.abs(values) < 1e100)
-    if not good.any():
+    """Return times and values (m,) in order, without spikes and without what is not finite; zeros for none."""
+    is_good = np.isfinite(values) & np.isfinite(time) & (np.abs(values) < _MAX_READING)
+    if not is_good.any():
         return np.array([0.0]), np.array([0.0])
-    low, high = np.percentile(values[good], (0.5, 99.5))
-    margin = 20.0 * (high - low) + 1e-300
-    good &= (values > low - margin) & (values < high + margin)
-    order = np.argsort(time[good], kind="stable")
-    return time[good][order], values[good][order]
+    low, high = np.percentile(values[is_good], _CLEAN_PERCENTILES)
+    margin = _SPIKE_SPANS * (high - low) + _SMALLEST
+    is_good &= (values > low - margin) & (values < high + margin)
+    order = np.argsort(time[is_good], kind="stable")
+    return time[is_good][order], values[is_good][order]
 
 
 def noise(values: Floats) -> float:
-    """Standard deviation of the noise, by second differences: what is smooth gives none; robust against steps."""
+    """Return the standard deviation of white noise on smooth values (n,), robust against steps.
+
+    Of noise s the second differences have the standard deviation sqrt(1 + 4 + 1) s, and the median 0.6745 of that.
+    """
     bend = np.abs(np.diff(values, 2))
-    return float(np.median(bend) / 0.6745 / np.sqrt(6.0)) if len(bend) else 0.0
+    return float(np.median(bend) / _NORMAL_QUARTILE / np.sqrt(6.0)) if len(bend) else 0.0
 
 
 def span_of(values: Floats) -> float:
-    """Range over which readings (n,) change, as recorded, without single spikes and NaN; 0 for none."""
-    known = values[~np.isnan(values)]
-    return float(np.subtract(*np.percentile(known, _SPAN))) if len(known) else 0.0
+    """Return the range over which readings (n,) change, as recorded, without single spikes and NaN; 0 for none."""
+    numbers = values[~np.isnan(values)]
+    return float(np.subtract(*np.percentile(numbers, _SPAN_PERCENTILES))) if len(numbers) else 0.0
 
 
 def roughness(values: Floats) -> float:
-    """Noise relative to the movement."""
+    """Return the noise relative to the range of values (n,)."""
     span = float(np.ptp(values))
     return noise(values) / span if span > 0 else 0.0
 
 
-def _mean(values: Floats, reach: int) -> Floats:
-    """Over the stretches of `_slope`, by trapezia: then it is the slope of what the values are the rate of."""
-    near = values - values[0]
-    sums = np.cumsum(np.concatenate([[0.0], near]))
+def _stretch_mean(values: Floats, reach: int) -> Floats:
+    """Return the means over the stretches of `_slope`, by trapezia: of a rate, the slope of its integral."""
+    change = values - values[0]
+    sums = np.cumsum(np.concatenate([[0.0], change]))
     n = 2 * reach
-    return np.asarray((sums[n + 1 :] - sums[: -n - 1] - 0.5 * (near[n:] + near[:-n])) / n + values[0])
+    return np.asarray((sums[n + 1 :] - sums[: -n - 1] - 0.5 * (change[n:] + change[:-n])) / n + values[0])
 
 
 def _slope(values: Floats, step: float, reach: int) -> Floats:
+    """Return the slopes (n - 2 reach,) of values (n,) over `reach` samples to either side."""
     n = 2 * reach
     return np.asarray((values[n:] - values[:-n]) / (n * step))
 
 
 @dataclass(frozen=True)
 class Derivative:
-    """How well one column is the derivative of another: rate = gain x slope."""
+    """A column as the derivative of another: rate = gain x slope."""
 
-    share: float  # of its movement that this explains
+    share: float  # of the column's square that this explains
     gain: float
 
 
 def derivative(position: Floats, rate: Floats, step: float) -> Derivative:
-    """Compare a column with the slope of another, both averaged over the same stretches."""
-    if len(position) < 6 * _REACH:
+    """Return a column as the derivative of another, by least squares of its means on the other's slopes."""
+    if len(position) < _MIN_DERIVATIVE_SAMPLES:
         return Derivative(0.0, 0.0)
-    slope, mean = _slope(position, step, _REACH), _mean(rate, _REACH)
-    power = float(slope @ slope)
-    total = float(mean @ mean)
-    if power <= 0 or total <= 0 or not np.isfinite(power * total):
+    slope = _slope(position, step, _DERIVATIVE_SAMPLES)
+    mean = _stretch_mean(rate, _DERIVATIVE_SAMPLES)
+    slope_square = float(slope @ slope)
+    mean_square = float(mean @ mean)
+    if slope_square <= 0 or mean_square <= 0 or not np.isfinite(slope_square * mean_square):
         return Derivative(0.0, 0.0)
-    gain = float(slope @ mean) / power
-    left = float(np.sum((mean - gain * slope) ** 2))
-    moved = float(np.sum((mean - mean.mean()) ** 2))
+    gain = float(slope @ mean) / slope_square
+    unexplained = float(np.sum((mean - gain * slope) ** 2))
+    movement = float(np.sum((mean - mean.mean()) ** 2))
     size = np.abs(mean)
-    if left > _EVEN * moved and size.min() > _FAR * size.max():
-        return Derivative(0.0, gain)  # a constant explains a constant: a position far from zero is not a rate
-    return Derivative(1.0 - left / total, gain)
+    # A constant explains a constant: a position far from zero is not a rate.
+    if unexplained > _MAX_UNEXPLAINED * movement and size.min() > _MIN_RATE_SHARE * size.max():
+        return Derivative(0.0, gain)
+    return Derivative(1.0 - unexplained / mean_square, gain)
 
 
 @dataclass(frozen=True)
 class ContactEvidence:
-    """How much of a column is a function of a position and its rate, and how that function goes."""
+    """The law F ~ c0 + c1 z + c2 z^2 + c3 z' + c4 z z' of a column over a position, all of standard deviation 1."""
 
-    share: float
-    slope: float  # over the middle of the position, per its standard deviation
-    bend: float  # in standard errors
-    correlation: float = 0.0  # of both as they are
+    share: float  # of the column's variance that the law explains
+    slope: float  # c1, at the mean of the position
+    bend: float  # c2, in standard errors
+    correlation: float = 0.0  # of the column and the position
 
 
 def contact_law(position: Floats, force: Floats) -> ContactEvidence:
-    """Regress a column on a position and its rate."""
+    """Return the law of a column over a position and its rate, by least squares.
+
+    A short record has the correlation alone, which is enough for the sign of the slope.
+    """
     if len(position) < 2 or np.ptp(position) <= 0 or np.ptp(force) <= 0:
         return ContactEvidence(0.0, 0.0, 0.0)
-    if len(position) < 20 * _NEAR:  # too short for a bend and its error, not for the way in which both go
+    if len(position) < _MIN_LAW_SAMPLES:
         return ContactEvidence(0.0, 0.0, 0.0, float(np.corrcoef(position, force)[0, 1]))
-    place, answer = position[_NEAR:-_NEAR], force[_NEAR:-_NEAR]
-    rate = _slope(position, 1.0, _NEAR)
-    place = (place - place.mean()) / max(float(place.std()), 1e-300)
-    rate = rate / max(float(rate.std()), 1e-300)
-    answer = (answer - answer.mean()) / max(float(answer.std()), 1e-300)
-    terms = np.column_stack([np.ones(len(place)), place, place**2, rate, place * rate])
-    cuts = np.linspace(0, len(answer), _STRETCHES + 1).astype(int)
-    parts = [slice(a, b) for a, b in itertools.pairwise(cuts.tolist())]
-    grams = np.array([terms[part].T @ terms[part] for part in parts])
-    sides = np.array([terms[part].T @ answer[part] for part in parts])
-    ridge = 1e-9 * np.eye(terms.shape[1]) * len(answer)
-    found = np.linalg.solve(grams.sum(axis=0) + ridge, sides.sum(axis=0))
-    share = 1.0 - float(np.mean((answer - terms @ found) ** 2))
-    # A jackknife over stretches: neighbouring samples are not independent evidence.
-    without = np.linalg.solve(grams.sum(axis=0) - grams + ridge, (sides.sum(axis=0) - sides)[..., None])[:, 2, 0]
-    spread = float(np.sqrt((_STRETCHES - 1) * np.mean((without - without.mean()) ** 2)))
-    bend = float(found[2] / spread) if spread > 0 else 0.0
-    return ContactEvidence(share, float(found[1]), bend, float(np.mean(place * answer)))
+    # In units of their standard deviations.
+    z = position[_RATE_SAMPLES:-_RATE_SAMPLES]
+    z = (z - z.mean()) / max(float(z.std()), _SMALLEST)
+    rate = _slope(position, 1.0, _RATE_SAMPLES)
+    rate = rate / max(float(rate.std()), _SMALLEST)
+    response = force[_RATE_SAMPLES:-_RATE_SAMPLES]
+    response = (response - response.mean()) / max(float(response.std()), _SMALLEST)
+    # Normal equations as sums over stretches.
+    terms = np.column_stack([np.ones(len(z)), z, z**2, rate, z * rate])
+    cuts = np.linspace(0, len(response), _STRETCHES + 1).astype(int)
+    stretches = [slice(begin, end) for begin, end in itertools.pairwise(cuts.tolist())]
+    squares = np.array([terms[rows].T @ terms[rows] for rows in stretches])
+    products = np.array([terms[rows].T @ response[rows] for rows in stretches])
+    ridge = _RIDGE * np.eye(terms.shape[1]) * len(response)
+    coefficients = np.linalg.solve(squares.sum(axis=0) + ridge, products.sum(axis=0))
+    share = 1.0 - float(np.mean((response - terms @ coefficients) ** 2))
+    # The bend's error by a jackknife over stretches: neighbouring samples are not independent evidence.
+    products_without = (products.sum(axis=0) - products)[..., None]
+    bends_without = np.linalg.solve(squares.sum(axis=0) - squares + ridge, products_without)[:, 2, 0]
+    error = float(np.sqrt((_STRETCHES - 1) * np.mean((bends_without - bends_without.mean()) ** 2)))
+    bend = float(coefficients[2] / error) if error > 0 else 0.0
+    return ContactEvidence(share, float(coefficients[1]), bend, float(np.mean(z * response)))
 
 
 def rest_level(force: Floats) -> tuple[float, float]:
-    """Where a force rests in air, and for which share of the record it is there.
+    """Return the level at which a force rests in air, and the share of the record in which it is there.
 
-    The densest level there is; that of the begin where the force rests there, too, and the other is a hold: nearer to
-    zero clearly, or none of them is.
+    It is the densest level. Where the record begins at another one, that may be the air and the densest one a hold: the
+    begin is taken where it is steady and the densest level not clearly nearer to zero, or where it is clearly nearer
+    to zero itself.
     """
     ordered = np.sort(force)
-    width = max(len(ordered) // 20, 1)
-    gaps = ordered[width:] - ordered[:-width]
-    at = int(np.argmin(gaps))
-    level = float(np.median(ordered[at : at + width + 1]))
-    near = max(4.0 * noise(force), 0.01 * float(np.ptp(force)))
-    begin = force[: max(len(force) // _BEGIN, _FEW)]
-    first = float(np.median(begin))
-    still = float(np.ptp(begin)) < 2.0 * near and _SURE * abs(level) > abs(first)
-    if abs(first - level) > 2.0 * near and (still or _SURE * abs(first) < abs(level)):
-        level = first
-    return level, float(np.mean(np.abs(force - level) < near))
+    width = max(len(ordered) // _DENSEST_PART, 1)
+    densest = int(np.argmin(ordered[width:] - ordered[:-width]))
+    level = float(np.median(ordered[densest : densest + width + 1]))
+    tolerance = max(_REST_NOISE * noise(force), _REST_SPAN * float(np.ptp(force)))
+    begin = force[: max(len(force) // _BEGIN_PART, _MIN_BEGIN)]
+    first_level = float(np.median(begin))
+    is_steady = float(np.ptp(begin)) < 2.0 * tolerance
+    is_air = is_steady and _ONE_SIDED_RATIO * abs(level) > abs(first_level)
+    is_near_zero = _ONE_SIDED_RATIO * abs(first_level) < abs(level)
+    if abs(first_level - level) > 2.0 * tolerance and (is_air or is_near_zero):
+        level = first_level
+    return level, float(np.mean(np.abs(force - level) < tolerance))
 
 
 @dataclass(frozen=True)
 class Sign:
-    """Which way a force counts, by what, and whether that is certain."""
+    """The sign of a force in contact, the reason for it, and whether that is certain."""
 
     value: int
     why: str
@@ -170,26 +199,31 @@ class Sign:
 
 
 def force_sign(force: Floats, law: ContactEvidence) -> Sign:
-    """By the bend of force over height; by which side of its rest the force is on; by its mean."""
-    level, share = rest_level(force)
-    low, high = (float(x) for x in np.percentile(force, (0.2, 99.8)))
+    """Return the sign of a force in contact: by the side of its rest that it leaves to, by its bend, by its mean."""
+    level, rest_share = rest_level(force)
+    high, low = (float(x) for x in np.percentile(force, _SPAN_PERCENTILES))
     up, down = high - level, level - low
-    rests = share > _RESTS and max(up, down) > _SURE * max(min(up, down), 1e-300)
+    is_one_sided = max(up, down) > _ONE_SIDED_RATIO * max(min(up, down), _SMALLEST)
+    rests = rest_share > _REST_SHARE and is_one_sided
     side = 1 if up >= down else -1
-    bend = 1 if law.bend >= 0 else -1
-    curved = abs(law.bend) > _CURVED
-    if rests and (not curved or side == bend):
-        return Sign(side, "it leaves its rest value to one side", curved)
-    if curved and not rests:
-        return Sign(bend, "it grows faster than the depth", abs(law.bend) > 2 * _CURVED or _one_side(force) == bend)
-    if abs(law.bend) > 3 * _CURVED:
-        return Sign(bend, "it grows faster than the depth", True)  # and rests in contact
-    if curved:
-        return Sign(bend, "it grows faster than the depth, but leaves its rest value to the other side", False)
+    bend_sign = 1 if law.bend >= 0 else -1
+    sigmas = abs(law.bend)
+    is_bent = sigmas > _BEND_SIGMAS
+    if rests and (not is_bent or side == bend_sign):
+        return Sign(side, "it leaves its rest value to one side", is_bent)
+    if is_bent and not rests:
+        is_sure = sigmas > 2 * _BEND_SIGMAS or _one_side(force) == bend_sign
+        return Sign(bend_sign, "it grows faster than the depth", is_sure)
+    if sigmas > 3 * _BEND_SIGMAS:  # the rest is one in contact
+        return Sign(bend_sign, "it grows faster than the depth", True)
+    if is_bent:
+        return Sign(bend_sign, "it grows faster than the depth, but leaves its rest value to the other side", False)
     return Sign(_one_side(force) or side, "it is mostly on this side of zero", False)
 
 
 def _one_side(force: Floats) -> int:
     """Return the side of zero on which all of a force is; 0 where it is on both."""
-    low, high = (float(x) for x in np.percentile(force, (1.0, 99.0)))
-    return 1 if low > 0 else -1 if high < 0 else 0
+    low, high = (float(x) for x in np.percentile(force, _SIDE_PERCENTILES))
+    if low > 0:
+        return 1
+    return -1 if high < 0 else 0

@@ -1,4 +1,4 @@
-"""Where the surface is, by methods that look at the force alone."""
+"""The surface of a record by methods that use the force alone."""
 
 from __future__ import annotations
 
@@ -9,19 +9,24 @@ import numpy as np
 from palpate import Floats
 
 CONTACT_METHODS = ("threshold", "deviation-from-baseline", "gradient")
-_SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method
+# Choices.
+_AVERAGING_TIME = 0.03  # [s] of the force, for the baseline method
 _BINS = 150  # of height on the way down
-_DEVIATION = 3.0  # standard deviations of the averaged force
-_GRADIENT = 0.1  # of the steepest rise
-_SIGMAS = 5.0  # of the threshold, where none is given
+_MIN_BINS = 10  # that hold a sample, for the gradient method
+_SMOOTH_BINS = 5  # that the mean force is averaged over, for its gradient
+_MIN_AIR_BINS = 6  # for the scatter of the gradient
+_DEVIATION_SIGMAS = 3.0  # of the averaged force, or of the gradient in air
+_GRADIENT_SHARE = 0.1  # of the steepest rise
+_THRESHOLD_SIGMAS = 5.0  # of the threshold, where none is given
+_RISE_SAMPLES = 20  # behind the contact point, of the slope by which noise becomes an error of height
 
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """A height at which a method sees the surface."""
+    """The height of the surface by one method."""
 
     surface: float  # [m]
-    std: float  # [m] from noise and spacing of the samples; what the method gets wrong by nature is not in it
+    std: float  # [m] by noise and spacing of the samples, without the method's systematic error
 
 
 @dataclass(frozen=True)
@@ -40,65 +45,85 @@ class Approach:
 
 
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
-    """Return the surface by one of CONTACT_METHODS; None where the method finds none."""
-    noise = approach.noise
+    """Return the surface by one of CONTACT_METHODS; None where the method finds none.
+
+    "threshold": the force exceeds its mean in air by a threshold [N], 5 standard deviations if none is given.
+    "deviation-from-baseline": the averaged force exceeds the straight line of the air by 3 of its standard deviations.
+    "gradient": the rise of the force over depth exceeds a tenth of its largest, and 3 standard deviations in air.
+    """
     if method == "threshold":
-        level = threshold if threshold is not None else _SIGMAS * noise
-        return _crossing(approach, approach.force - approach.force[: approach.air].mean(), level, noise)
+        level = threshold if threshold is not None else _THRESHOLD_SIGMAS * approach.noise
+        force = approach.force - approach.force[: approach.air].mean()
+        return _crossing(approach, force, level, approach.noise)
     if method == "deviation-from-baseline":
-        width = max(int(_SMOOTH / approach.interval) // 2 * 2 + 1, 1)
-        level, slope = _line(np.arange(float(approach.air)), approach.force[: approach.air])
-        lifted = approach.force - level - slope * np.minimum(np.arange(len(approach.force)), approach.air)
-        smooth = np.convolve(np.pad(lifted, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
-        spread = float(smooth[: approach.air].std(ddof=1))
-        return _crossing(approach, smooth, _DEVIATION * spread, spread)
-    return _by_gradient(approach)
+        deviation = _baseline_deviation(approach)
+        std = float(deviation[: approach.air].std(ddof=1))
+        return _crossing(approach, deviation, _DEVIATION_SIGMAS * std, std)
+    return _gradient_point(approach)
+
+
+def _baseline_deviation(approach: Approach) -> Floats:
+    """Return the force (n,) [N] less the line of the air, averaged; the line goes on level from the touch."""
+    width = max(int(_AVERAGING_TIME / approach.interval) // 2 * 2 + 1, 1)  # odd
+    level, slope = _line(np.arange(float(approach.air)), approach.force[: approach.air])
+    baseline_steps = np.minimum(np.arange(len(approach.force)), approach.air)
+    deviation = approach.force - level - slope * baseline_steps
+    padded = np.pad(deviation, width // 2, mode="edge")
+    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), mode="valid"))
 
 
 def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> ContactPoint | None:
-    """Return the last sample on the way down at or below a level, seen from the deepest one back."""
+    """Return the last crossing of a level [N] on the way down, halfway between two samples.
+
+    Its uncertainty is that of a place between two samples, a step over sqrt(12), and of the force's noise [N] over its
+    rise. None where the force is never below the level, or only there.
+    """
     below = np.flatnonzero(force <= level)
     if not len(below) or below[-1] >= len(force) - 2:
         return None
-    at = int(below[-1])
-    beyond = slice(at, min(at + 20, len(force)))
-    rise = _line(approach.height[beyond], force[beyond])[1]
-    step = abs(float(approach.height[at + 1] - approach.height[at]))
-    height = 0.5 * float(approach.height[at + 1] + approach.height[at])
+    last_below = int(below[-1])
+    rows = slice(last_below, min(last_below + _RISE_SAMPLES, len(force)))
+    _, rise = _line(approach.height[rows], force[rows])
+    upper, lower = approach.height[last_below], approach.height[last_below + 1]
+    step = abs(float(lower - upper))
+    height = 0.5 * float(lower + upper)
     return ContactPoint(height, float(np.hypot(step / np.sqrt(12.0), noise / abs(rise) if rise else np.inf)))
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float]:
-    """Value at 0 and slope of the straight line through points (n,); no slope where they stand above one another."""
-    across = x - x.mean()
-    square = float(across @ across)
-    slope = float(across @ y) / square if square > 0 else 0.0
+    """Return value at 0 and slope of the straight line through points (n,); slope 0 where all x are the same."""
+    centred = x - x.mean()
+    square = float(centred @ centred)
+    slope = float(centred @ y) / square if square > 0 else 0.0
     return float(y.mean()) - slope * float(x.mean()), slope
 
 
-def _by_gradient(approach: Approach) -> ContactPoint | None:
+def _gradient_point(approach: Approach) -> ContactPoint | None:
+    """Return the last height above the steepest rise of the binned force at which the rise is below its level."""
     edges, means = bin_force(approach)
-    if len(means) < 10:
+    if len(means) < _MIN_BINS:
         return None
     centres = 0.5 * (edges[1:] + edges[:-1])
-    rise = -np.gradient(np.convolve(np.pad(means, 2, mode="edge"), np.full(5, 0.2), mode="valid"), centres)
-    air = centres > approach.height[: approach.air].min()
-    spread = float(rise[air].std()) if air.sum() > 5 else 0.0
-    peak = int(np.argmax(rise))
-    level = max(_GRADIENT * rise[peak], _DEVIATION * spread)
-    below = np.flatnonzero(rise[: peak + 1] <= level)
-    if not len(below) or rise[peak] <= level:
+    weights = np.full(_SMOOTH_BINS, 1.0 / _SMOOTH_BINS)
+    smooth = np.convolve(np.pad(means, _SMOOTH_BINS // 2, mode="edge"), weights, mode="valid")
+    rise = -np.gradient(smooth, centres)  # [N/m] of depth
+    in_air = centres > approach.height[: approach.air].min()
+    std = float(rise[in_air].std()) if in_air.sum() >= _MIN_AIR_BINS else 0.0
+    steepest = int(np.argmax(rise))
+    level = max(_GRADIENT_SHARE * rise[steepest], _DEVIATION_SIGMAS * std)
+    below = np.flatnonzero(rise[: steepest + 1] <= level)
+    if not len(below) or rise[steepest] <= level:
         return None
     width = abs(float(centres[1] - centres[0]))
-    return ContactPoint(float(centres[below[-1]]), float(np.hypot(width, width * spread / rise[peak])))
+    return ContactPoint(float(centres[below[-1]]), float(np.hypot(width, width * std / rise[steepest])))
 
 
 def bin_force(approach: Approach) -> tuple[Floats, Floats]:
-    """Edges (m + 1,) of height [m], falling, and mean force (m,) [N] between them; empty bins are joined."""
+    """Return edges (m + 1,) of height [m], falling, and the mean force (m,) [N] between them; empty bins are joined."""
     top, bottom = float(approach.height.max()), float(approach.height.min())
     edges = np.linspace(top, bottom, _BINS + 1)
-    place = np.clip(((top - approach.height) / (top - bottom) * _BINS).astype(int), 0, _BINS - 1)
-    counts = np.bincount(place, minlength=_BINS)
-    sums = np.bincount(place, approach.force, minlength=_BINS)
+    bins = np.clip(((top - approach.height) / (top - bottom) * _BINS).astype(int), 0, _BINS - 1)
+    counts = np.bincount(bins, minlength=_BINS)
+    sums = np.bincount(bins, approach.force, minlength=_BINS)
     filled = np.flatnonzero(counts)
     return np.concatenate([edges[filled], [bottom]]), sums[filled] / counts[filled]

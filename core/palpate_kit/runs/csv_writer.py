@@ -1,4 +1,9 @@
-"""Tables of numbers as text, many numbers at a time."""
+"""Tables of numbers as text, many numbers at a time.
+
+A number is written with ten significant digits, as ``%.10g`` does. Its text is three words of eight characters, which
+are looked up in tables and joined by shifts: the sign and zeros before the digits; the digits with their point, over
+two words; and the exponent. Characters that stay zero are left out at the end.
+"""
 
 from __future__ import annotations
 
@@ -11,140 +16,183 @@ from palpate import Floats
 
 Words = NDArray[np.uint64]  # of eight characters each, the first in the lowest byte; those that are zero are left out
 
-_DIGITS = 10
-_HALF = 5  # digits that are looked up at once
-_MOST = 290  # decimal exponents; beyond them powers of ten come near the ends of the floats
-_UNSURE = 1e-4  # of the last digit; so near to a half the product with a power of ten, good to 3e-6, may be beyond it
-_FEW = 400  # numbers; for so few, as a live run has, Python is faster
-_ROWS = 512  # at once: what is worked on stays in the processor's cache
-_BYTE, _WORD = np.uint64(8), np.uint64(64 - 8)
+_DIGITS = 10  # significant ones
+_HALF_DIGITS = 5  # that are looked up at once: half of all
+_MAX_EXPONENT = 290  # decimal; beyond it powers of ten come near the ends of the floats
+_SMALLEST_FIXED = -4  # decimal exponent, below which ``%g`` writes an exponent
+_TIE_MARGIN = 1e-4  # of the last digit, about a half: the product with a power of ten is good to 3e-6
+_MIN_NUMBERS = 400  # for fewer, as a live run has, Python is faster (measured)
+_ROWS_AT_ONCE = 512  # which stay in the processor's cache (choice)
+_BYTE_BITS = 8
+_WORD_BITS = 64
+_MANTISSA_BITS = 52  # of a double, behind its binary exponent
+_EXPONENT_BIAS = 1023  # of a double
+_EXPONENT_CODES = 2048  # of a double
+_BYTE, _ALL_BUT_A_BYTE = np.uint64(_BYTE_BITS), np.uint64(_WORD_BITS - _BYTE_BITS)
+_TWO_CHARACTERS = np.uint64(0xFFFF)
 
 
 def csv_rows(table: Floats) -> str:
-    """Rows (n, m) with every number as ``%.10g`` writes it, and nothing for NaN, between commas."""
-    if table.size < _FEW:
+    """Return rows (n, m) with every number as ``%.10g`` writes it, and nothing for NaN, between commas."""
+    if table.size < _MIN_NUMBERS:
         row = ",".join([f"%.{_DIGITS}g"] * table.shape[1]) + "\n"
         return ((row * len(table)) % tuple(table.ravel().tolist())).replace("nan", "")
-    return "".join(_some_rows(table[begin : begin + _ROWS]) for begin in range(0, len(table), _ROWS))
+    begins = range(0, len(table), _ROWS_AT_ONCE)
+    return "".join(_some_rows(table[begin : begin + _ROWS_AT_ONCE]) for begin in begins)
 
 
 def _some_rows(table: Floats) -> str:
+    """Return rows (n, m) as text; each number brings the comma, or the end of the line, before it."""
     numbers, cells = table.ravel(), np.empty((*table.shape, 3), np.uint64)
-    missing = np.isnan(numbers)
-    for word, part in enumerate(_written(np.where(missing, 0.0, numbers))):
-        part[missing] = 0
-        cells[..., word] = part.reshape(table.shape)
+    is_missing = np.isnan(numbers)
+    for word, words in enumerate(_number_words(np.where(is_missing, 0.0, numbers))):
+        words[is_missing] = 0
+        cells[..., word] = words.reshape(table.shape)
     cells[..., 0] |= ord(",")
     cells[:, 0, 0] ^= ord(",") ^ ord("\n")
     text = cells.astype("<u8", copy=False).tobytes().translate(None, b"\0")
     return text[1:].decode("ascii") + "\n"
 
 
-def _written(numbers: Floats) -> tuple[Words, Words, Words]:
-    """Return each number in three words: what stands before its digits after one free character, its digits, and the
-    rest."""
-    known, size = _known(), np.abs(numbers)
-    beyond = (size > 10.0**_MOST) | ((size < 10.0**-_MOST) & (size > 0))
-    size[beyond] = 1.0
-    exponent = known.least.take(size.view(np.int64) >> 52)
-    exponent += size >= known.next.take(exponent)
-    scaled = size * known.scale.take(exponent)
+def _number_words(numbers: Floats) -> tuple[Words, Words, Words]:
+    """Return the words of each number: sign and zeros behind one free character, digits, and last digits with exponent.
+
+    Numbers beyond the tables, and those whose last digit is nearly a tie, are written by Python.
+    """
+    tables, size = _digit_tables(), np.abs(numbers)
+    is_beyond = (size > 10.0**_MAX_EXPONENT) | ((size < 10.0**-_MAX_EXPONENT) & (size > 0))
+    size[is_beyond] = 1.0
+    # The decimal exponent: of the least number of this binary exponent, one more beyond the next power of ten.
+    exponent = tables.least.take(size.view(np.int64) >> _MANTISSA_BITS)
+    exponent += size >= tables.next.take(exponent)
+    # Ten digits as a whole number.
+    scaled = size * tables.scale.take(exponent)
     whole = np.rint(scaled)
-    by_hand = beyond | (np.abs(np.abs(scaled - whole) - 0.5) < _UNSURE)
-    over = whole >= 10.0**_DIGITS
-    whole[over] /= 10
-    exponent[over] += 1
-    exponent[size == 0] = _place(0)
+    by_python = is_beyond | (np.abs(np.abs(scaled - whole) - 0.5) < _TIE_MARGIN)
+    is_over = whole >= 10.0**_DIGITS
+    whole[is_over] /= 10
+    exponent[is_over] += 1
+    exponent[size == 0] = _exponent_index(0)
     digits = whole.astype(np.int64)
-    high = digits // 10**_HALF
-    low = digits - high * 10**_HALF
-    kept = np.where(low == 0, known.kept.take(high), _HALF + known.kept.take(low))
-    form = known.form.take(exponent) + kept
-    first, second = _joined(known.digits.take(high), known.digits.take(low), form)
-    second |= known.suffix.take(exponent)
-    before = known.prefix.take(exponent) | (np.signbit(numbers).astype(np.uint64) * np.uint64(ord("-")) << _BYTE)
-    for i in np.flatnonzero(by_hand):
-        text = _word(f"{abs(numbers[i]):.{_DIGITS}g}")
-        before[i] &= np.uint64(0xFFFF)
-        first[i], second[i] = _halves(text)
-    return before, first, second
+    high = digits // 10**_HALF_DIGITS
+    low = digits - high * 10**_HALF_DIGITS
+    # Without zeros at the end, in the form of the exponent.
+    significant = np.where(low == 0, tables.significant.take(high), _HALF_DIGITS + tables.significant.take(low))
+    form = tables.form.take(exponent) + significant
+    first, second = _digit_words(tables.digits.take(high), tables.digits.take(low), form)
+    second |= tables.suffix.take(exponent)
+    minus = np.signbit(numbers).astype(np.uint64) * np.uint64(ord("-")) << _BYTE
+    prefix = tables.prefix.take(exponent) | minus
+    for i in np.flatnonzero(by_python):
+        text = _text_bits(f"{abs(numbers[i]):.{_DIGITS}g}")
+        prefix[i] &= _TWO_CHARACTERS  # the free character and the sign
+        first[i], second[i] = _two_words(text)
+    return prefix, first, second
 
 
-def _joined(high: Words, low: Words, form: NDArray[np.int64]) -> tuple[Words, Words]:
-    """Ten digits as text, in two words, with the point of their form and without what it leaves out."""
-    first, second = high | (low << np.uint64(8 * _HALF)), low >> np.uint64(64 - 8 * _HALF)
+def _digit_words(high: Words, low: Words, form: NDArray[np.int64]) -> tuple[Words, Words]:
+    """Return ten digits as text in two words, of two halves: with the point of their form, without what it leaves out.
+
+    Digits before the point stay, those behind it move on by one character.
+    """
+    first = high | (low << np.uint64(_BYTE_BITS * _HALF_DIGITS))
+    second = low >> np.uint64(_WORD_BITS - _BYTE_BITS * _HALF_DIGITS)
     stays, moves, points = _forms()
-    moved = (second << _BYTE) | (first >> _WORD)
+    moved_first = first << _BYTE
+    moved_second = (second << _BYTE) | (first >> _ALL_BUT_A_BYTE)
     return (
-        (first & stays[0].take(form)) | ((first << _BYTE) & moves[0].take(form)) | points[0].take(form),
-        (second & stays[1].take(form)) | (moved & moves[1].take(form)) | points[1].take(form),
+        (first & stays[0].take(form)) | (moved_first & moves[0].take(form)) | points[0].take(form),
+        (second & stays[1].take(form)) | (moved_second & moves[1].take(form)) | points[1].take(form),
     )
 
 
 class _DigitTables(NamedTuple):
-    """What is looked up: by number of five digits, by binary exponent, by decimal exponent."""
+    """Tables by number of five digits, by binary exponent, and by decimal exponent e."""
 
-    digits: Words
-    kept: NDArray[np.uint8]  # digits but for zeros at the end
-    least: NDArray[np.int64]  # place of the least decimal exponent
+    digits: Words  # (100 000,) five digits as text
+    significant: NDArray[np.uint8]  # (100 000,) of five digits, those before zeros at the end
+    least: NDArray[np.int64]  # (2048,) index of e of the least number with a binary exponent
     next: Floats  # 10^(e + 1)
     scale: Floats  # 10^(9 - e)
-    form: NDArray[np.int64]
-    prefix: Words  # after two characters
-    suffix: Words  # after the three characters that digits and point need of the last word
+    form: NDArray[np.int64]  # see `_forms`
+    prefix: Words  # zeros before the digits, after two characters
+    suffix: Words  # exponent, after the three characters that digits and point need of the last word
 
 
 @cache
-def _known() -> _DigitTables:
-    numbers, still = np.arange(10**_HALF), np.ones(10**_HALF, bool)
-    digits, kept = np.zeros(len(numbers), np.uint64), np.full(len(numbers), _HALF, np.uint8)
-    for k in range(_HALF):
+def _digit_tables() -> _DigitTables:
+    """Return the tables, made once."""
+    numbers = np.arange(10**_HALF_DIGITS)
+    digits = np.zeros(len(numbers), np.uint64)
+    significant = np.full(len(numbers), _HALF_DIGITS, np.uint8)
+    only_zeros = np.ones(len(numbers), bool)
+    for k in range(_HALF_DIGITS):  # from the last digit on
         digit = numbers // 10**k % 10
-        digits |= (digit + ord("0")).astype(np.uint64) << np.uint64(8 * (_HALF - 1 - k))
-        still &= digit == 0
-        kept -= still
-    exponents = range(-_MOST - 1, _MOST + 2)
-    least = np.floor((np.arange(2048) - 1023) * np.log10(2.0)).astype(np.int64)
-    small = [e for e in exponents if -4 <= e < 0]
+        digits |= (digit + ord("0")).astype(np.uint64) << np.uint64(_BYTE_BITS * (_HALF_DIGITS - 1 - k))
+        only_zeros &= digit == 0
+        significant -= only_zeros
+    exponents = range(-_MAX_EXPONENT - 1, _MAX_EXPONENT + 2)
+    least = np.floor((np.arange(_EXPONENT_CODES) - _EXPONENT_BIAS) * np.log10(2.0)).astype(np.int64)
     return _DigitTables(
-        digits,
-        kept,
-        _place(np.clip(least, -_MOST - 1, _MOST)),
-        np.array([float(f"1e{e + 1}") for e in exponents]),
-        np.array([float(f"1e{_DIGITS - 1 - e}") for e in exponents]),
-        np.array([(_DIGITS + 1) * (e + 1 if 0 <= e < _DIGITS else 0 if e in small else 1) for e in exponents]),
-        np.array([_word("\0\0" + f"0.{'0' * (-e - 1)}" if e in small else "") for e in exponents], np.uint64),
-        np.array([_word("" if -4 <= e < _DIGITS else f"\0\0\0e{e:+03d}") for e in exponents], np.uint64),
+        digits=digits,
+        significant=significant,
+        least=_exponent_index(np.clip(least, -_MAX_EXPONENT - 1, _MAX_EXPONENT)),
+        next=np.array([float(f"1e{e + 1}") for e in exponents]),
+        scale=np.array([float(f"1e{_DIGITS - 1 - e}") for e in exponents]),
+        form=np.array([(_DIGITS + 1) * _digits_before_point(e) for e in exponents]),
+        prefix=np.array([_text_bits(_zeros_before(e)) for e in exponents], np.uint64),
+        suffix=np.array([_text_bits(_exponent_text(e)) for e in exponents], np.uint64),
     )
+
+
+def _digits_before_point(exponent: int) -> int:
+    """Return how many of ten digits are before the point: 0 where zeros and the point are written before them."""
+    if 0 <= exponent < _DIGITS:
+        return exponent + 1
+    return 0 if _SMALLEST_FIXED <= exponent < 0 else 1
+
+
+def _zeros_before(exponent: int) -> str:
+    """Return the zeros and the point before the digits of a number below 1, after two characters."""
+    return "\0\0" + f"0.{'0' * (-exponent - 1)}" if _SMALLEST_FIXED <= exponent < 0 else ""
+
+
+def _exponent_text(exponent: int) -> str:
+    """Return the exponent of a number that ``%g`` writes with one, after three characters."""
+    return "" if _SMALLEST_FIXED <= exponent < _DIGITS else f"\0\0\0e{exponent:+03d}"
 
 
 @cache
 def _forms() -> tuple[Words, Words, Words]:
-    """Bits (2, forms) of ten digits that stay where they are, that move on by one character, and of the point.
+    """Return bits (2, forms) of ten digits that stay where they are, that move on by one character, and of the point.
 
     A form is 11 times the digits before the point, 0 where all are behind a point that is written already, and
     the digits that are kept.
     """
     bits = []
     for before in range(_DIGITS + 1):
-        stay = (1 << 8 * before) - 1
+        stay = (1 << _BYTE_BITS * before) - 1
         for kept in range(_DIGITS + 1):
             if before == 0 or kept <= before:
-                bits.append([(1 << 8 * max(kept, before)) - 1, 0, 0])
+                bits.append([(1 << _BYTE_BITS * max(kept, before)) - 1, 0, 0])
             else:
-                bits.append([stay, ((1 << 8 * (kept + 1)) - 1) & ~(stay << 8 | 0xFF), ord(".") << 8 * before])
-    stays, moves, points = np.array([[_halves(part) for part in form] for form in bits], np.uint64).transpose(1, 2, 0)
+                move = ((1 << _BYTE_BITS * (kept + 1)) - 1) & ~(stay << _BYTE_BITS | 0xFF)
+                bits.append([stay, move, ord(".") << _BYTE_BITS * before])
+    words = np.array([[_two_words(part) for part in form] for form in bits], np.uint64)
+    stays, moves, points = words.transpose(1, 2, 0)
     return stays.copy(), moves.copy(), points.copy()
 
 
-def _place(exponent: NDArray[np.int64] | int) -> Any:
-    """Where a decimal exponent stands in what is looked up."""
-    return exponent + _MOST + 1
+def _exponent_index(exponent: NDArray[np.int64] | int) -> Any:
+    """Return the index of a decimal exponent in the tables."""
+    return exponent + _MAX_EXPONENT + 1
 
 
-def _word(text: str) -> int:
+def _text_bits(text: str) -> int:
+    """Return a text as a number, its first character in the lowest byte."""
     return int.from_bytes(text.encode("ascii"), "little")
 
 
-def _halves(both: int) -> tuple[int, int]:
-    return both & (2**64 - 1), both >> 64
+def _two_words(bits: int) -> tuple[int, int]:
+    """Return the lower and the upper word of a number."""
+    return bits & (2**_WORD_BITS - 1), bits >> _WORD_BITS
