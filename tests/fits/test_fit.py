@@ -355,7 +355,7 @@ def test_a_record_of_very_many_samples_is_added_up_in_pieces(monkeypatch):
     settings = {"segment": "load", "fixed": {"viscosity": ETA}, "profile": False}
     record = ramp(DR, (E, ETA), seed=3, colour=0.9)
     whole = fitted(DR, record, **settings)
-    monkeypatch.setattr("palpate_fits.uncertainty._MOST", whole.details["samples"] // 3 + 1)
+    monkeypatch.setattr("palpate_fits.uncertainty._MAX_ROWS", whole.details["samples"] // 3 + 1)
     pieces = fitted(DR, record, **settings)
     assert pieces.std[-1] == pytest.approx(whole.std[-1], rel=0.1)
     worth = [found.details["autocorrelation"]["effective_samples"] for found in (pieces, whole)]

@@ -152,7 +152,7 @@ class ArmModel(Settings):
     def joints_at(
         self, pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10
     ) -> Floats | None:
-        """Return the joint angles (n,) that put the tool centre point at a pose (4, 4); None where there are none.
+        """Return the joint angles (n,) that put the tool centre point at a pose (4, 4); None where it cannot.
 
         By Newton's method from the angles `near` (n,), up to a `tolerance` [m], [rad]; an arm of more than six joints
         takes the smallest steps. None as well at a singularity, and where the `steps` do not suffice.

@@ -18,7 +18,7 @@ from palpate import Floats
 _SPAN_PERCENTILES = (99.8, 0.2)  # [%] of the readings, between which they change: single spikes do not count
 _CLEAN_PERCENTILES = (0.5, 99.5)  # [%] of the readings, about which spikes are far
 _SPIKE_SPANS = 20.0  # spans beyond these percentiles, from which on a reading is a spike
-_MAX_READING = 1e100  # beyond which a number is no reading
+_MAX_READING = 1e100  # beyond which a number is not a reading
 _DERIVATIVE_SAMPLES = 25  # to either side, of a derivative: noise averages out, and the mean is exact
 _MIN_DERIVATIVE_SAMPLES = 6 * _DERIVATIVE_SAMPLES  # of a record, for a comparison with a derivative
 _MAX_UNEXPLAINED = 0.5  # of a rate's own movement that the slope may leave

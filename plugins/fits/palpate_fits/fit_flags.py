@@ -16,7 +16,7 @@ from palpate_fits.identifiability import INDISTINCT
 from palpate_fits.uncertainty import ResidualScatter
 
 _MAX_NOISE_RATIO = 2.0  # of the residual's RMS over its white noise, beyond which it is a misfit (choice)
-_LONG_CORRELATION = 50.0  # [samples] of the residuals, beyond which they are no noise (choice)
+_LONG_CORRELATION = 50.0  # [samples] of the residuals, beyond which they are not noise (choice)
 _USELESS_STD = 0.5  # of an elastic parameter, beyond which it is not identifiable (choice)
 _UPPER_SIGMAS = 2.0  # standard uncertainties up to which a viscosity of 0 may be (choice)
 _TWO_SPEEDS = "Press at two speeds or oscillate, in which a viscosity shows."

@@ -10,13 +10,13 @@ from palpate import Floats
 
 from palpate_uncertainty.refit import Course
 
-_MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move (choice)
-_MAX_SAMPLES = 3000  # samples that a refit looks at (choice: time)
-_MAX_EVALUATIONS = 40  # of a refit (choice)
+_MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move, a choice
+_MAX_SAMPLES = 3000  # samples that a refit looks at, a choice of time
+_MAX_EVALUATIONS = 40  # of a refit, a choice
 _MIN_GAIN = 1e-12  # of the cost; of 3000 samples the step that is left out is 5e-5 standard deviations
-_SURFACE_SCALE = 1e-4  # [m], the size of a step of the surface (choice)
-_BOUND_MARGIN = 1e-9  # of an unknown, by which the start is inside its bounds (choice)
-_MAX_FORCE = 1e6  # [N] of a residual, in place of one that is not finite (choice)
+_SURFACE_SCALE = 1e-4  # [m], the size of a step of the surface, a choice
+_BOUND_MARGIN = 1e-9  # of an unknown, by which the start is inside its bounds, a choice
+_MAX_FORCE = 1e6  # [N] of a residual, in place of one that is not finite, a choice
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
 Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]

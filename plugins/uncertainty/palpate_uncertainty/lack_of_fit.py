@@ -29,9 +29,9 @@ from palpate_uncertainty.residual_null import air_readings, rounding_noise
 from palpate_uncertainty.residual_tests import ResidualTests, refit_tests, residual_tests
 from palpate_uncertainty.score_tests import LEVEL
 
-_STRETCH_DURATION = 4.0  # [s] in the middle of a sweep, refitted for the cause of its misfit (choice, 0110)
-_SWEEP_MISFIT = 0.015  # of the variance of innovations (measured: at most 0.010 on 68 tracks of clean sweeps, 0110)
-_FIRST_DEPTH = 3e-3  # [m] of the middle of the stretch, from which the search for its surface starts (choice)
+_STRETCH_DURATION = 4.0  # [s] in the middle of a sweep, refitted for the cause of its misfit, a choice (decision 0110)
+_SWEEP_MISFIT = 0.015  # of the variance of innovations; at most 0.010 of 68 tracks of clean sweeps (decision 0110)
+_FIRST_DEPTH = 3e-3  # [m] of the middle of the stretch, from which the search for its surface starts, a choice
 _UNTESTED = "the residual is noise alone, which was not tested"
 
 

@@ -20,9 +20,9 @@ _MAX_MASS = 10.0  # [kg] behind the sensor
 _MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base
 _MAX_LAYER_RATIO = 1.5  # X, contact radius over thickness, at the mean depth
 _MIN_POWER, _MAX_ADDED_POWER = 0.3, 2.5  # of depth that the force of another tip grows with; added to the model's
-_DEPTH_STEP = 1e-6  # [m], for slopes (choice)
-_FIRST_LAYER_RATIO = 0.2  # X from which the search starts (choice)
-_MIN_DEPTH = 1e-9  # [m], so that a power of depth is finite out of contact (choice)
+_DEPTH_STEP = 1e-6  # [m], for slopes, a choice
+_FIRST_LAYER_RATIO = 0.2  # X from which the search starts, a choice
+_MIN_DEPTH = 1e-9  # [m], so that a power of depth is finite out of contact, a choice
 MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
 

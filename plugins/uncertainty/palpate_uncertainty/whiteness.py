@@ -17,14 +17,14 @@ LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10  # lags of the autocorrelation; bi
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
 _NEAR_SAMPLES = 10  # samples, within which the channel itself remembers
-_BLOCK_LAGS = 20  # blocks of `_NEAR_SAMPLES` samples (choice), where no standstill shows the channel's own memory
-_MIN_VALUES_PER_LAG = 4  # values or blocks for each lag of an autocorrelation that is tested (choice)
-_MIN_BIN_SAMPLES = 8  # samples of a bin, for its mean to be nearly normal (choice)
-_MIN_LINE_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates (choice)
-_MIN_CYCLES = 4.0  # of an oscillation in the record (choice)
-_MAX_EVEN_SAMPLES = 16384  # that the spectrum of a motion is taken from (choice: time)
-_ZERO_PADDING = 4  # lengths of the record in its padded spectrum (choice), whose lines are 1/(4 span) apart
-_FINE_LINES = np.linspace(-4, 4, 81)  # [padded lines] around the highest that least squares tries (choice)
+_BLOCK_LAGS = 20  # blocks of `_NEAR_SAMPLES` samples, a choice, where no standstill shows the channel's own memory
+_MIN_VALUES_PER_LAG = 4  # values or blocks for each lag of an autocorrelation that is tested, a choice
+_MIN_BIN_SAMPLES = 8  # samples of a bin, for its mean to be nearly normal, a choice
+_MIN_LINE_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates, a choice
+_MIN_CYCLES = 4.0  # of an oscillation in the record, a choice
+_MAX_EVEN_SAMPLES = 16384  # that the spectrum of a motion is taken from, a choice of time
+_ZERO_PADDING = 4  # lengths of the record in its padded spectrum, a choice, whose lines are 1/(4 span) apart
+_FINE_LINES = np.linspace(-4, 4, 81)  # [padded lines] around the highest that least squares tries, a choice
 _SMALLEST_POWER = 1e-300  # in a quotient, in place of 0: near the smallest double
 
 
