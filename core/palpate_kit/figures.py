@@ -16,7 +16,14 @@ from palpate_engine import whole_file
 WIDTHS = {"single": 85.0, "middle": 120.0, "double": 175.0}  # [mm] of the columns of journals
 FORMATS = ("png", "svg", "pdf")
 _INCH = 25.4  # [mm]
-_HANDLE, _LETTER = 10.0, 1.4  # [mm] of a legend: a line with its blanks, and a letter
+# Choices of the layout.
+_HANDLE_WIDTH, _LETTER_WIDTH = 10.0, 1.4  # [mm] of a legend: a line with its blanks, and a letter
+_LEGEND_SHARE = 0.8  # of the width of a panel, that a legend may take
+_NEAR_DEVIATIONS, _NEAR_SHARE = 4, 0.5  # median distances from the middle, and share of it, within which curves count
+_SHOWN_QUANTILES = (0.01, 0.99)  # of the values, that are within the axes
+_MARGIN, _MIN_MARGIN = 0.4, 0.02  # of the range, and of the largest value, outside these
+_SMALLEST_MARGIN = 1e-30  # [as the values], of curves that are 0
+_QUARTILES = (0.25, 0.5, 0.75)
 _DATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
 
 
@@ -36,7 +43,7 @@ def style() -> Iterator[None]:
 
 @cache
 def _settings() -> Any:
-    """What the style sets; read once, since a page enters it for each of its parts."""
+    """Return what the style sets; read once, since a page enters it for each of its parts."""
     import matplotlib
 
     with as_file(files("palpate") / "palpate.mplstyle") as path:
@@ -44,8 +51,7 @@ def _settings() -> Any:
 
 
 def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:
-    """Return a figure of a width [mm] and its axes (rows, columns), each row of a height [mm]; to be called in the
-    style."""
+    """Return a figure of a width [mm] and its axes (rows, columns), each row of a height [mm]; call it in `style`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -55,11 +61,12 @@ def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], 
 
 
 def legend_outside(axes: Any, columns: int = 3) -> None:
-    """A legend above the axes, no wider than they are, where it hides no data; nothing where no curve has a name."""
+    """Draw a legend above the axes, no wider than they are, where it hides no data; none where no curve has a name."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        panel = axes.figure.get_figwidth() * _INCH / axes.get_subplotspec().get_gridspec().ncols
-        fitting = int(0.8 * panel // (_HANDLE + _LETTER * max(map(len, labels))))
+        panel_width = axes.figure.get_figwidth() * _INCH / axes.get_subplotspec().get_gridspec().ncols
+        entry_width = _HANDLE_WIDTH + _LETTER_WIDTH * max(map(len, labels))
+        fitting = int(_LEGEND_SHARE * panel_width // entry_width)
         place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
         axes.legend(handles, labels, ncols=max(1, min(columns, fitting, len(labels))), **place)
 
@@ -81,37 +88,39 @@ def label_forces(axis: Any, words: str) -> None:
 
 
 def common_limits(curves: Sequence[Floats], settled_from: float = 0.5) -> tuple[float, float] | None:
-    """Limits of axes for curves of one quantity, each by its later part; a curve far from most others is cut off.
+    """Return limits of axes for curves of one quantity, by their later parts; a curve far from most others is cut off.
 
     What an estimator does in its first moments, and one that has diverged, so flatten nothing. `settled_from` is the
     share of a curve at its begin that does not count. None without a number.
     """
-    known = [values[np.isfinite(values)] for values in curves]
-    settled = [values[int(settled_from * len(values)) :] for values in known if len(values)]
+    finite_curves = [values[np.isfinite(values)] for values in curves]
+    settled = [values[int(settled_from * len(values)) :] for values in finite_curves if len(values)]
     if not settled:
         return None
-    middles = np.array([np.median(values) for values in settled])
-    centre = float(np.median(middles))
-    near = 4 * float(np.median(np.abs(middles - centre))) + 0.5 * abs(centre)
-    seen = np.concatenate([v for v, middle in zip(settled, middles, strict=True) if abs(middle - centre) <= near])
-    low, high = np.quantile(seen, [0.01, 0.99]).tolist()
-    margin = max(0.4 * (high - low), 0.02 * max(abs(low), abs(high)), 1e-30)
+    # Curves whose median is near to that of all.
+    medians = np.array([np.median(values) for values in settled])
+    centre = float(np.median(medians))
+    deviation = float(np.median(np.abs(medians - centre)))
+    max_distance = _NEAR_DEVIATIONS * deviation + _NEAR_SHARE * abs(centre)
+    near = [values for values, median in zip(settled, medians, strict=True) if abs(median - centre) <= max_distance]
+    low, high = np.quantile(np.concatenate(near), _SHOWN_QUANTILES).tolist()
+    margin = max(_MARGIN * (high - low), _MIN_MARGIN * max(abs(low), abs(high)), _SMALLEST_MARGIN)
     return low - margin, high + margin
 
 
 def quartiles(x: Floats, y: Floats, bins: int = 40) -> tuple[Floats, Floats]:
-    """Middles (b,) of bins of x with equally many points, and quartiles and median of y in each (3, b).
+    """Return medians (b,) of bins of x with equally many points, and quartiles and median of y in each (3, b).
 
-    What would be a hairball as a curve, such as residuals over depth, can be read so.
+    For points that would be a hairball as a curve, such as residuals over depth.
     """
-    known = np.isfinite(x) & np.isfinite(y)
-    order = np.argsort(x[known], kind="stable")
-    parts = [part for part in np.array_split(order, bins) if len(part)]
-    if not parts:
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    x, y = x[is_finite], y[is_finite]
+    order = np.argsort(x, kind="stable")
+    rows_of_bins = [rows for rows in np.array_split(order, bins) if len(rows)]
+    if not rows_of_bins:
         return np.zeros(0), np.zeros((3, 0))
-    x, y = x[known], y[known]
-    middles = np.array([np.median(x[part]) for part in parts])
-    return middles, np.array([np.quantile(y[part], [0.25, 0.5, 0.75]) for part in parts]).T
+    medians = np.array([np.median(x[rows]) for rows in rows_of_bins])
+    return medians, np.array([np.quantile(y[rows], _QUARTILES) for rows in rows_of_bins]).T
 
 
 def save_figure(figure: Any, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""From the joints of a log to the tip: position, orientation and velocity by the robot's kinematics, in whole arrays.
+"""The tip from the joints of a log: position, orientation and velocity by the robot's kinematics, in whole arrays.
 
 Standard Denavit-Hartenberg: T = prod Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i). The velocity of the tip is J(q) q', where the
 column of a turning joint is (axis x (tip - origin), axis).
@@ -26,8 +26,10 @@ from palpate_kit.kinematics.work_frame import WorkFrame
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))
-# q and -q are one orientation: the one on the side of this is given, whose edge is far from usual poses.
+# q and -q are one orientation: the one whose product with this is positive is returned. A choice: no usual pose is at
+# right angles to it, where the sign would jump.
 _SIDE = np.array([0.70, 0.17, 0.11, 0.68])
+_ANGLE_DIGITS = 15  # of a cosine, to which a quarter turn is exact
 
 
 class Kinematics(Settings):
@@ -67,22 +69,22 @@ class Kinematics(Settings):
 
     @property
     def streams(self) -> tuple[Stream, Stream]:
-        """Of the tip and of its velocity."""
+        """The streams of the tip and of its velocity."""
         frame = "base" if self.work is None else "work"
         pose, twist = (tuple(Channel(*channel) for channel in channels) for channels in (_POSE, _TWIST))
         return Stream("tip", pose, None, "pose", "log", frame), Stream("twist", twist, None, "twist", "log", frame)
 
     def pose(self, angles: Floats) -> Floats:
-        """Position [m] and quaternion x, y, z, w of the tip (n, 7) at joint angles (n, k) [rad]."""
+        """Return position [m] and quaternion x, y, z, w of the tip (n, 7) at joint angles (n, k) [rad]."""
         pose, _ = self._tips(angles)
         return np.concatenate([pose[:, :3, 3], quaternions(pose[:, :3, :3])], axis=1)
 
     def quaternions(self, angles: Floats) -> Floats:
-        """Orientation of the tip (n, 4) at joint angles (n, k) [rad]."""
+        """Return the quaternions of the tip (n, 4) at joint angles (n, k) [rad]."""
         return self.pose(angles)[:, 3:]
 
     def twist(self, numbers: Floats) -> Floats:
-        """Velocity [m/s] and angular velocity [rad/s] of the tip (n, 6); numbers are angles, then speeds (n, 2 k)."""
+        """Return velocity [m/s] and angular velocity [rad/s] of the tip (n, 6) at angles, then speeds (n, 2 k)."""
         count = len(self.chain)
         _, jacobian = self._tips(numbers[:, :count])
         return np.asarray((jacobian @ numbers[:, count:, None])[:, :, 0])
@@ -100,10 +102,9 @@ class Kinematics(Settings):
 
 
 def tips(angles: Floats, chain: Sequence[Joint], base: Floats, tool: Floats) -> tuple[Floats, Floats]:
-    """Poses (n, 4, 4) of a tool on a chain of joints at angles (n, k) [rad], and Jacobians (n, 6, k).
+    """Return poses (n, 4, 4) of a tool on a chain of joints at angles (n, k) [rad], and Jacobians (n, 6, k).
 
-    `base` (4, 4) is the pose of the robot's base in the frame of the answer, `tool` (4, 4) that of the tip on the
-    flange.
+    `base` (4, 4) is the pose of the robot's base in the frame of both, `tool` (4, 4) that of the tip on the flange.
     """
     pose: Floats = np.tile(base, (len(angles), 1, 1))
     origins, axes = [], []
@@ -112,57 +113,67 @@ def tips(angles: Floats, chain: Sequence[Joint], base: Floats, tool: Floats) -> 
         axes.append(pose[:, :3, 2])
         pose = pose @ _link(angle + joint.offset, joint)
     pose = pose @ tool
+    # A turning joint moves the tip by axis x (tip - origin), and turns it around the axis.
     jacobian = np.empty((len(angles), 6, len(chain)))
     for k, (origin, axis) in enumerate(zip(origins, axes, strict=True)):
-        (ax, ay, az), (x, y, z) = axis.T, (pose[:, :3, 3] - origin).T
-        for row, value in enumerate((ay * z - az * y, az * x - ax * z, ax * y - ay * x)):
-            jacobian[:, row, k] = value
+        ax, ay, az = axis.T
+        x, y, z = (pose[:, :3, 3] - origin).T
+        jacobian[:, 0, k] = ay * z - az * y
+        jacobian[:, 1, k] = az * x - ax * z
+        jacobian[:, 2, k] = ax * y - ay * x
         jacobian[:, 3:, k] = axis
     return pose, jacobian
 
 
 def _link(angle: Floats, joint: Joint) -> Floats:
-    """Rz(q) Tz(d) Tx(a) Rx(alpha), (n, 4, 4)."""
+    """Return the transforms (n, 4, 4) Rz(q) Tz(d) Tx(a) Rx(alpha) of a joint at angles q (n,) [rad].
+
+    [[c, -s ca, s sa, a c], [s, c ca, -c sa, a s], [0, sa, ca, d], [0, 0, 0, 1]] with c = cos q, ca = cos alpha. A
+    quarter turn of alpha is exact: a cosine of 6e-17 would tilt nothing, but round zeros into noise.
+    """
     c, s = np.cos(angle), np.sin(angle)
-    # A quarter turn is meant exactly: 6e-17 for its cosine would tilt nothing, but round zeros into noise.
-    ca, sa = round(float(np.cos(joint.alpha)), 15), round(float(np.sin(joint.alpha)), 15)
+    ca = round(float(np.cos(joint.alpha)), _ANGLE_DIGITS)
+    sa = round(float(np.sin(joint.alpha)), _ANGLE_DIGITS)
     link = np.zeros((len(angle), 4, 4))
-    for column, (first, second) in enumerate(
-        ((c, s), (-s * ca, c * ca), (s * sa, -c * sa), (joint.a * c, joint.a * s))
-    ):
-        link[:, 0, column], link[:, 1, column] = first, second
-    link[:, 2, 1:], link[:, 3, 3] = (sa, ca, joint.d), 1.0
+    link[:, 0, 0], link[:, 0, 1], link[:, 0, 2], link[:, 0, 3] = c, -s * ca, s * sa, joint.a * c
+    link[:, 1, 0], link[:, 1, 1], link[:, 1, 2], link[:, 1, 3] = s, c * ca, -c * sa, joint.a * s
+    link[:, 2, 1:] = sa, ca, joint.d
+    link[:, 3, 3] = 1.0
     return link
 
 
 def quaternions(rotations: Floats) -> Floats:
-    """Unit quaternions x, y, z, w (n, 4) of rotations (n, 3, 3), all on one side, so that they do not jump in sign.
+    """Return unit quaternions x, y, z, w (n, 4) of rotations (n, 3, 3), all on one side: their sign does not jump.
 
-    Each of the four ways to compute one loses digits where its own component is small: the largest is taken.
+    The products 4 q_i q_j are sums of entries of a rotation. A row of them is the quaternion but for a factor, and
+    loses digits where its own component q_i is small: the row of the largest component is taken (Shepperd 1978).
     """
     r = rotations.transpose(1, 2, 0)
-    x, y, z = r[0, 0], r[1, 1], r[2, 2]
-    squares = np.stack([1 + x - y - z, 1 - x + y - z, 1 - x - y + z, 1 + x + y + z])  # 4 q_i^2
-    a, b, c = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]  # 4 w q_i
-    d, e, f = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]  # 4 q_i q_j
-    ways = np.stack(
+    rx, ry, rz = r[0, 0], r[1, 1], r[2, 2]
+    squares = np.stack([1 + rx - ry - rz, 1 - rx + ry - rz, 1 - rx - ry + rz, 1 + rx + ry + rz])  # 4 q_i^2
+    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]  # 4 w q_i
+    xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]  # 4 q_i q_j
+    products = np.stack(
         [
-            np.stack([squares[0], d, e, a]),
-            np.stack([d, squares[1], f, b]),
-            np.stack([e, f, squares[2], c]),
-            np.stack([a, b, c, squares[3]]),
+            np.stack([squares[0], xy, xz, wx]),
+            np.stack([xy, squares[1], yz, wy]),
+            np.stack([xz, yz, squares[2], wz]),
+            np.stack([wx, wy, wz, squares[3]]),
         ]
     )
-    found = np.take_along_axis(ways, squares.argmax(axis=0)[None, None], axis=0)[0].T
-    found = found / np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(found * np.where(found @ _SIDE < 0, -1.0, 1.0)[:, None])
+    largest = squares.argmax(axis=0)
+    quaternion = np.take_along_axis(products, largest[None, None], axis=0)[0].T
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    return np.asarray(quaternion * np.where(quaternion @ _SIDE < 0, -1.0, 1.0)[:, None])
 
 
 def joint_feeds(
     container: Container, kinematics: Kinematics, clock: Clock, log: str
 ) -> tuple[list[TopicFeed], TopicFeed]:
-    """Return the streams of the tip, with its velocity where the joints' is recorded, and the orientation; raises
-    LogError."""
+    """Return the streams of the tip, with its velocity where the joints' is recorded, and the orientation.
+
+    Raises LogError where the log does not have the topic of the joints, or its messages do not name them.
+    """
     if kinematics.topic not in container.topics:
         there = ", ".join(container.topics) or "none"
         raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {there})")

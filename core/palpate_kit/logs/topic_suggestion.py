@@ -24,13 +24,15 @@ from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
 from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit, tip_of
 
 _HEIGHT = "transforms.transform.translation.z"  # of a child frame
-_TAIL = 0.5  # [s]
-_ROWS = 400_000  # of one topic that are looked into
-_COLUMNS = 40
-_NAMED = 24  # numbers that a message names
-_LEAST = 20  # fewest messages to conclude from
-
-_APART = 1.0  # [s] by which the stamps of one topic are later than those of another, at most
+# Choices.
+_TAIL_DURATION = 0.5  # [s] of a record behind its last contact, from which on an end of reading is suggested
+_CONTACT_LEVEL = 0.5  # of the force's range, up to which it falls behind the last contact
+_CONTACT_PERCENTILES = (1.0, 99.8)  # [%] of the forces, which are their range without spikes
+_MAX_ROWS = 400_000  # of one topic that are read
+_MAX_COLUMNS = 40  # of a topic, beyond which it is not looked into
+_MAX_NAMES = 24  # of numbers in a message
+_MIN_MESSAGES = 20  # to conclude from
+_MAX_LATENESS = 1.0  # [s] by which the stamps of one topic may be later than those of another
 
 
 @dataclass(frozen=True)
@@ -38,52 +40,69 @@ class _StampSpan:
     """The stamps of a topic."""
 
     first: int  # [ns]
-    last: int
-    late: float  # [s] by which messages are logged after their stamps, usually
+    last: int  # [ns]
+    late: float  # [s] by which messages are logged after their stamps, the median
 
 
-Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
+TopicTables = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
 
 def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
-    """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
+    """Return the tables that read a log; raises LogError where nothing in it can be a force or a position."""
     if "lateral" in choices:
         raise LogError(f"{path}: --lateral is for tables; of topics, name lateral_x and lateral_y in [alignment]")
     if "time" in choices:
         raise LogError(f"{path}: --time is for CSV files; its messages have times of their own")
-    looked, spans = _looked(container)
-    frames = {topic: list(_frames(container, topic)) for topic in looked if _is_of_frames(container, topic)}
-    every = {topic: frames.get(topic) or _all_of(container, topic, looked) for topic in looked}
-    series = [s for found in every.values() for s in found]
-    chosen = {role: _chosen(role, choices[role], series, looked, path) for role in ROLES if role in choices}
-    found = find_roles([s for s in series if s.role != "other"], chosen)
-    if found is None:
-        raise LogError(f"{path}: {_nothing_found(series)}")
-    rivals = frames.get(found.picks["position"].series.key[0], ())
-    if len(rivals) > 1 and "position" not in chosen:
-        raise LogError(f"{path}: {_which_frame(rivals)}")
-    keys = {role: pick.series.key for role, pick in found.picks.items()}
-    sources = {role: _source(*key) for role, key in keys.items()}
-    names = dict(zip(*_streams(list(sources.values())), strict=True))
-    units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
+    tables, spans = _topic_tables(container)
+    guess = _guess_roles(container, tables, choices, path)
+    keys = {role: pick.series.key for role, pick in guess.picks.items()}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
-    _guess_units(found, units, extra["doubts"], tip_of(choices))
-    signals: dict[str, Any] = {}
-    for role, (topic, name) in keys.items():
-        for other, field, unit in roles.beside(role, name, looked[topic][0]):
-            signals[other] = {"topic": topic, **_field(field), "unit": unit or units[role]}
-        signals[role] = {"topic": topic, **_field(name), "unit": units[role]}  # last: the third axis of a force
-    device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
-    device |= dict(_times(found, keys, looked, extra["reasons"]))
-    if "time" not in device and (apart := _stamps_apart(found, spans)):
+    units = {role: pick.series.unit or roles.UNITS[role] for role, pick in guess.picks.items()}
+    _guess_units(guess, units, extra["doubts"], tip_of(choices))
+    # The device: its signals, its clock, and the end of reading.
+    device: dict[str, Any] = {"type": kind, "file": str(path), "signals": _signals(keys, units, tables)}
+    device |= dict(_times(guess, keys, tables, extra["reasons"]))
+    if "time" not in device and (doubt := _doubt_of_stamps(guess, spans)):
         device["time"] = "log"
-        extra["doubts"].append(apart)
+        extra["doubts"].append(doubt)
+    sources = {role: _source(*key) for role, key in keys.items()}
+    unique_sources = list(dict.fromkeys(sources.values()))
+    names = dict(zip(unique_sources, stream_names(unique_sources), strict=True))
     channels = {role: f"log.{names[source]}.{role}" for role, source in sources.items()}
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
-    return replace(assemble_suggestion(found, device, channels, factors, extra), has_time=True)
+    return replace(assemble_suggestion(guess, device, channels, factors, extra), has_time=True)
 
 
-def _is_of_frames(container: Container, topic: str) -> bool:
+def _guess_roles(container: Container, tables: TopicTables, choices: Mapping[str, str], path: Path) -> RoleGuess:
+    """Return which numbers of a log are force, position and velocity.
+
+    Raises LogError where none can be, or the position is one of several frames of which nobody has chosen.
+    """
+    frames = {topic: list(_frames(container, topic)) for topic in tables if _has_frames(container, topic)}
+    columns_of_topics = (frames.get(topic) or _columns(container, topic, tables) for topic in tables)
+    columns = [column for columns_of_topic in columns_of_topics for column in columns_of_topic]
+    chosen = {role: _chosen(role, choices[role], columns, tables, path) for role in ROLES if role in choices}
+    guess = find_roles([column for column in columns if column.role != "other"], chosen)
+    if guess is None:
+        raise LogError(f"{path}: {_nothing_found(columns)}")
+    rivals = frames.get(guess.picks["position"].series.key[0], ())
+    if len(rivals) > 1 and "position" not in chosen:
+        raise LogError(f"{path}: {_which_frame(rivals)}")
+    return guess
+
+
+def _signals(keys: Mapping[str, tuple[str, str]], units: Mapping[str, str], tables: TopicTables) -> dict[str, Any]:
+    """Return the signals of the device: each role, by topic and name, after the other axes that belong to it."""
+    signals: dict[str, Any] = {}
+    for role, (topic, name) in keys.items():
+        for other, field, unit in roles.beside(role, name, tables[topic][0]):
+            signals[other] = {"topic": topic, **_field(field), "unit": unit or units[role]}
+        signals[role] = {"topic": topic, **_field(name), "unit": units[role]}
+    return signals
+
+
+def _has_frames(container: Container, topic: str) -> bool:
+    """Return True for a topic of transforms."""
     return short_name(container.topics[topic].type) == "tf2_msgs/TFMessage"
 
 
@@ -97,7 +116,7 @@ def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
             table = decoder.read(messages, [FieldReading(_HEIGHT, None, name)])
             time = (messages.logged[table.rows] - origin) / SECOND
             heights.setdefault(name, []).append((time, table.values[:, 0]))
-        if (count := count + len(messages)) > _ROWS:
+        if (count := count + len(messages)) > _MAX_ROWS:
             break
     for name, blocks in heights.items():
         time, values = (np.concatenate(columns) for columns in zip(*blocks, strict=True))
@@ -107,6 +126,7 @@ def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
 
 
 def _which_frame(frames: Sequence[NumberColumn]) -> str:
+    """Return the question which of several frames is the tip, with a likely one."""
     names = [printable(frame.label.partition(":")[2]) for frame in frames]
     likely = next((name for name in names if "tool" in name or "tip" in name), names[0])
     return (
@@ -114,89 +134,92 @@ def _which_frame(frames: Sequence[NumberColumn]) -> str:
     )
 
 
-def _nothing_found(series: Sequence[NumberColumn]) -> str:
-    known = ", ".join(printable(s.label) for s in series[:_NAMED]) or "no numbers"
-    more = ", ..." if len(series) > _NAMED else ""
+def _nothing_found(columns: Sequence[NumberColumn]) -> str:
+    """Return the message on a log without force and position, with the numbers that it has."""
+    labels = ", ".join(printable(column.label) for column in columns[:_MAX_NAMES]) or "no numbers"
+    more = ", ..." if len(columns) > _MAX_NAMES else ""
     choose = "choose with --force TOPIC:FIELD and --position"
-    return f"no two numbers can be force and position; {choose} (there are: {known}{more})"
+    return f"no two numbers can be force and position; {choose} (there are: {labels}{more})"
 
 
 def _times(
-    found: RoleGuess, keys: Mapping[str, tuple[str, str]], looked: Looked, reasons: list[str]
+    guess: RoleGuess, keys: Mapping[str, tuple[str, str]], tables: TopicTables, reasons: list[str]
 ) -> Iterator[tuple[str, Any]]:
-    """Keys of the device for the end of reading, and its clock."""
-    end = _last_contact(found.picks["force"].series, found.signs["force"].value)
+    """Yield the keys of the device for the end of reading, and its clock; append the `reasons`."""
+    end = _last_contact(guess.picks["force"].series, guess.signs["force"].value)
     if end is not None:
         reasons.append(f"end: the result is the filter's last estimate, and after {end:.1f} s the load is gone")
         yield "end", f"{end:.1f} s"
-    clock = _clock(keys, looked)
+    clock = _clock(keys, tables)
     if clock is not None:
         reasons.append(f"time: {clock} (runs with the clock of the recorder)")
         yield "time", {**_field(clock), "unit": "s"}
 
 
-def _stamps_apart(found: RoleGuess, spans: Mapping[str, _StampSpan]) -> str | None:
-    """That the clocks of two roles are not one, though both were logged together; None where they may be.
+def _doubt_of_stamps(guess: RoleGuess, spans: Mapping[str, _StampSpan]) -> str | None:
+    """Return the doubt that force and motion have one clock, though both were logged together; None without one.
 
     Their stamps have no instant in common, or one of them is late by more than a second against the other.
     """
+    force_topic = guess.picks["force"].series.key[0]
+    force = spans[force_topic]
+    clock = 'that of the log is taken (device.log.time=log; "stamp" for those of the headers)'
     for role in ("position", "velocity"):
-        if role not in found.picks:
+        if role not in guess.picks:
             continue
-        one, other = (found.picks[r].series.key[0] for r in ("force", role))
-        mine, theirs = spans[one], spans[other]
-        taken = 'that of the log is taken (device.log.time=log; "stamp" for those of the headers)'
-        if mine.first > theirs.last or theirs.first > mine.last:
-            begins = f"they begin {abs(mine.first - theirs.first) / SECOND:.6g} s apart"
-            return f"time: the stamps of {one} and {other} do not overlap: {begins}; {taken}"
-        if abs(late := mine.late - theirs.late) > _APART:
-            behind = (
-                f"those of {one if late > 0 else other} are {abs(late):.3g} s behind, by the clock that logged both"
-            )
-            return f"time: the stamps of {one} and {other} are of two clocks: {behind}; {taken}"
+        topic = guess.picks[role].series.key[0]
+        motion = spans[topic]
+        if force.first > motion.last or motion.first > force.last:
+            begins = f"they begin {abs(force.first - motion.first) / SECOND:.6g} s apart"
+            return f"time: the stamps of {force_topic} and {topic} do not overlap: {begins}; {clock}"
+        lateness = force.late - motion.late
+        if abs(lateness) > _MAX_LATENESS:
+            late_topic = force_topic if lateness > 0 else topic
+            behind = f"those of {late_topic} are {abs(lateness):.3g} s behind, by the clock that logged both"
+            return f"time: the stamps of {force_topic} and {topic} are of two clocks: {behind}; {clock}"
     return None
 
 
-def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
-    """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
-    if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
+def _guess_units(guess: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
+    """Replace the units that no message states by those that the range of each number suggests; append the doubt.
+
+    That of the velocity is the one by which it is nearest to the slope of the position.
+    """
+    picks = guess.picks
+    if all(pick.series.unit for role, pick in picks.items() if role != "velocity"):
         return
-    spans = {r: span_of(p.series.values) for r, p in found.picks.items()}
-    if not found.picks["position"].series.unit:
+    spans = {role: span_of(pick.series.values) for role, pick in picks.items()}
+    if not picks["position"].series.unit:
         units["position"] = length_unit(spans["position"], tip)
-    way = spans["position"] * si_unit(units["position"])[1]
-    if not found.picks["force"].series.unit:
-        units["force"], _ = force_unit(spans["force"], way, tip)
-    if "velocity" in units and found.gain and not found.picks["velocity"].series.unit:
-        scale = si_unit(units["position"])[1]
+    length_factor = si_unit(units["position"])[1]
+    if not picks["force"].series.unit:
+        units["force"], _ = force_unit(spans["force"], spans["position"] * length_factor, tip)
+    if "velocity" in units and guess.gain and not picks["velocity"].series.unit:
+        gain = abs(guess.gain)
         units["velocity"] = min(
-            ("m/s", "mm/s", "um/s"), key=lambda u: abs(np.log(abs(found.gain or 1.0) * si_unit(u)[1] / scale))
+            ("m/s", "mm/s", "um/s"), key=lambda unit: abs(np.log(gain * si_unit(unit)[1] / length_factor))
         )
-    guessed = [f"{unit} for the {role}" for role, unit in units.items() if not found.picks[role].series.unit]
+    guessed = [f"{unit} for the {role}" for role, unit in units.items() if not picks[role].series.unit]
     doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses from the range of each")
 
 
-def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
+def _clock(keys: Mapping[str, tuple[str, str]], tables: TopicTables) -> str | None:
     """Return the number in the messages that is the time, where all roles are in one topic."""
     topics = {topic for topic, _ in keys.values()}
     if len(topics) > 1:
         return None
-    names, logged, values = looked[topics.pop()]
+    names, logged, values = tables[topics.pop()]
     return next((name for k, name in enumerate(names) if roles.runs_with(values[:, k], logged)), None)
 
 
 def _source(topic: str, name: str) -> str:
-    """What a stream is named after: the topic, or a frame of it."""
+    """Return what a stream is named after: the topic, or a frame of it."""
     frame = name.partition("@")[2]
     return f"{topic}/{frame}" if frame else topic
 
 
-def _streams(topics: list[str]) -> tuple[list[str], list[str]]:
-    unique = list(dict.fromkeys(topics))
-    return unique, stream_names(unique)
-
-
 def _field(text: str) -> dict[str, Any]:
+    """Return the keys of a signal for a number of a message, ``field[index]`` or ``field@frame``."""
     text, _, frame = text.partition("@")
     reading = FieldReading.parse(text)
     if frame:
@@ -204,70 +227,77 @@ def _field(text: str) -> dict[str, Any]:
     return {"field": reading.path, **({} if reading.index is None else {"index": reading.index})}
 
 
-def _looked(container: Container) -> tuple[Looked, dict[str, _StampSpan]]:
+def _topic_tables(container: Container) -> tuple[TopicTables, dict[str, _StampSpan]]:
     """Return the beginning of every topic that contains numbers, and the stamps of each.
 
-    What palpate computed or commanded is not a measurement.
+    Without topics that palpate computed or commanded, which are not measurements.
     """
-    blocks: dict[str, Any] = {}
+    batches: dict[str, list[Batch]] = {}
     names: dict[str, tuple[str, ...]] = {}
     for topic, columns, batch in tables_of(container):
-        commanded = topic.endswith("/setpoint") and container.topics[topic].type.startswith("palpate_msgs")
-        if topic.startswith("/palpate/") or commanded or len(columns) > _COLUMNS:
+        is_commanded = topic.endswith("/setpoint") and container.topics[topic].type.startswith("palpate_msgs")
+        if topic.startswith("/palpate/") or is_commanded or len(columns) > _MAX_COLUMNS:
             continue
         names[topic] = columns
-        kept = blocks.setdefault(topic, [])
-        if sum(len(block.time) for block in kept) < _ROWS:
-            kept.append(batch)
-    tables = {topic: join_batches(kept) for topic, kept in blocks.items()}
+        of_topic = batches.setdefault(topic, [])
+        if sum(len(earlier.time) for earlier in of_topic) < _MAX_ROWS:
+            of_topic.append(batch)
+    joined = {topic: join_batches(of_topic) for topic, of_topic in batches.items()}
     origin = container.span[0] if container.span else 0
-    looked = {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
-    return looked, {topic: _span(table) for topic, table in tables.items() if len(table.time)}
+    tables = {
+        topic: (names[topic], (batch.received - origin) / SECOND, batch.values) for topic, batch in joined.items()
+    }
+    return tables, {topic: _span(batch) for topic, batch in joined.items() if len(batch.time)}
 
 
-def _span(table: Batch) -> _StampSpan:
-    late = float(np.median((table.received - table.time) / SECOND))
-    return _StampSpan(int(table.time.min()), int(table.time.max()), late)
+def _span(batch: Batch) -> _StampSpan:
+    """Return first and last stamp of the readings of a topic, and their usual lateness."""
+    late = float(np.median((batch.received - batch.time) / SECOND))
+    return _StampSpan(int(batch.time.min()), int(batch.time.max()), late)
 
 
-def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColumn]:
-    """Return every number of a topic, with the role that its type or its name states."""
-    known = roles.role_of_type(topic, container.topics[topic].type)
-    columns, time, values = looked[topic]
-    found = []
-    for k, name in enumerate(columns):
-        role, why, unit = roles.role_of_name(name)
-        if known is not None:
-            role, why, unit = (
-                (known[0], f"a {container.topics[topic].type}", roles.UNITS[known[0]])
-                if name == known[1]
-                else ("other", "", None)
-            )
-        if len(time) >= _LEAST and not roles.runs_with(values[:, k], time):
-            named, key = roles.is_unknown_name(name), (topic, name)
-            found.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, key, named))
-    return found
+def _columns(container: Container, topic: str, tables: TopicTables) -> list[NumberColumn]:
+    """Return every number of a topic, with the role that its type or its name states; no clock, and none of few."""
+    message_type = container.topics[topic].type
+    role_by_type = roles.role_of_type(topic, message_type)
+    names, time, values = tables[topic]
+    columns = []
+    for k, name in enumerate(names):
+        if role_by_type is None:
+            role, why, unit = roles.role_of_name(name)
+        elif name == role_by_type[1]:
+            role, why, unit = role_by_type[0], f"a {message_type}", roles.UNITS[role_by_type[0]]
+        else:
+            role, why, unit = "other", "", None
+        if len(time) >= _MIN_MESSAGES and not roles.runs_with(values[:, k], time):
+            is_named, key = roles.is_unknown_name(name), (topic, name)
+            columns.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, key, is_named))
+    return columns
 
 
-def _chosen(role: str, choice: str, series: list[NumberColumn], looked: Looked, path: Path) -> NumberColumn:
+def _chosen(role: str, choice: str, columns: list[NumberColumn], tables: TopicTables, path: Path) -> NumberColumn:
+    """Return the column that a choice names: a frame, TOPIC:FIELD, or a topic whose type states its one number.
+
+    Raises LogError where it names none, or several.
+    """
     topic, _, name = choice.partition(":")
-    framed = [s for s in series if "@" in s.key[1] and choice in (s.label, s.label.partition(":")[2])]
-    if len(framed) == 1:
-        return replace(framed[0], role=role, why="chosen")
-    if topic not in looked:
-        there = printable(", ".join(looked))
-        raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {there})")
-    mine = [s for s in series if s.key[0] == topic and (s.key[1] == name or (not name and s.role == role))]
-    if len(mine) == 1:
-        return replace(mine[0], role=role, why="chosen")
-    there = printable(", ".join(looked[topic][0][:_COLUMNS]))
-    raise LogError(f"{path}: --{role}: {topic} has no number {name!r} (there are: {there})")
+    frames = [c for c in columns if "@" in c.key[1] and choice in (c.label, c.label.partition(":")[2])]
+    if len(frames) == 1:
+        return replace(frames[0], role=role, why="chosen")
+    if topic not in tables:
+        topics = printable(", ".join(tables))
+        raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {topics})")
+    matches = [c for c in columns if c.key[0] == topic and (c.key[1] == name or (not name and c.role == role))]
+    if len(matches) == 1:
+        return replace(matches[0], role=role, why="chosen")
+    names = printable(", ".join(tables[topic][0][:_MAX_COLUMNS]))
+    raise LogError(f"{path}: --{role}: {topic} has no number {name!r} (there are: {names})")
 
 
 def _last_contact(force: NumberColumn, sign: int) -> float | None:
-    """When [s] the force was last at half of its peak, where the record continues for a while after that."""
-    good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
-    time, values = force.time[good], sign * force.values[good]
-    low, high = (float(x) for x in np.percentile(values, (1.0, 99.8)))
-    last = float(time[np.flatnonzero(values >= 0.5 * (low + high))[-1]])
-    return last if time[-1] - last > _TAIL else None
+    """Return when [s] the force was last at half of its range; None where the record ends soon after that."""
+    is_good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
+    time, values = force.time[is_good], sign * force.values[is_good]
+    low, high = (float(x) for x in np.percentile(values, _CONTACT_PERCENTILES))
+    last = float(time[np.flatnonzero(values >= _CONTACT_LEVEL * (low + high))[-1]])
+    return last if time[-1] - last > _TAIL_DURATION else None

@@ -120,47 +120,58 @@ def _beside(log: Path, text: str) -> Path:
 
 
 def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
-    listed = run.get("plugins")
-    for text in listed if isinstance(listed, list) else ():
+    """Raise ConfigurationError where a plugin file of a recorded run is missing here, or is another version."""
+    plugins = run.get("plugins")
+    for text in plugins if isinstance(plugins, list) else ():
         if not isinstance(text, str):
-            continue  # which the builder says
-        path, known = _beside(carried.log, text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
+            continue  # which the builder reports
+        path = _beside(carried.log, text)
+        recorded_hash = carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
         if not path.is_file():
             raise ConfigurationError(
                 f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log has "
                 "no code: get the file from where it was recorded"
             )
-        if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:
+        if recorded_hash is not None and hashlib.sha256(path.read_bytes()).hexdigest() != recorded_hash:
             raise ConfigurationError(
-                f"{carried.log}: was recorded with another version of the plugin file {text} (SHA-256 {known[:12]}...)"
+                f"{carried.log}: was recorded with another version of the plugin file {text} "
+                f"(SHA-256 {recorded_hash[:12]}...)"
             )
 
 
 def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
     """Return the table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
 
-    Other numbers are defaults; they are noted in ``[run] assumed``.
+    Other numbers of a model are defaults, which are added to ``[run] assumed``. Raises ConfigurationError for a part
+    that needs a tip where the pipeline has none.
     """
     part = registries.load().find(kind, name)
     table: dict[str, Any] = {"type": name}
     if kind == "model":
-        others = [other for other in tables.get(kind, {}).values() if isinstance(other, dict)]
-        for key in _unstated(part, {}):
-            said = [other[key] for other in others if key in other]
-            if said and all(one == said[0] for one in said):
-                table[key] = said[0]
-        run = tables.setdefault("run", {})
+        table |= _shared_settings(part, tables)
         # A Poisson's ratio that is left out is open by that alone.
         defaults = [key for key in _unstated(part, table) if key != "poisson"]
+        run = tables.setdefault("run", {})
         run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in defaults)]
     field = part.model_fields.get("indenter")
     if field is not None and field.is_required():
-        known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
-        known = known or next(iter(tables.get("indenter", {})), None)
-        if known is None:
+        tips = [model["indenter"] for model in tables.get("model", {}).values() if "indenter" in model]
+        tip = next(iter(tips), None) or next(iter(tables.get("indenter", {})), None)
+        if tip is None:
             raise ConfigurationError(f"{kind} {name!r} needs a tip, and the recorded pipeline has none")
-        table["indenter"] = known
+        table["indenter"] = tip
     return table
+
+
+def _shared_settings(model: type[Part], tables: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of a model that all models of a pipeline which have them set alike."""
+    models = [table for table in tables.get("model", {}).values() if isinstance(table, dict)]
+    shared = {}
+    for key in _unstated(model, {}):
+        settings = [table[key] for table in models if key in table]
+        if settings and all(setting == settings[0] for setting in settings):
+            shared[key] = settings[0]
+    return shared
 
 
 def replace_model(source: Source, wanted: str) -> None:

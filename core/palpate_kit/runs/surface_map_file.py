@@ -14,7 +14,9 @@ _AXES = ("x", "y", "z")
 _COLOURS = ("red", "green", "blue")
 _HEAD = "ply\nformat binary_little_endian 1.0\n"
 _FACE = np.dtype([("count", "u1"), ("rows", "<i4", (3,))])
-_ENDS = (2, 98)  # per cent of the values, between which the colours go
+_COLOUR_PERCENTILES = (2, 98)  # [%] of the values, between which the colours go (choice)
+_MIN_RANGE = 1e-9  # of the lower one, by which the upper one is larger, so that no range is 0 (choice)
+_VALUE_COLUMN = 3  # of the properties that are doubles, behind x, y, z
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,9 @@ class SurfaceMap:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Values [SI] between which colours go."""
-        low, high = np.percentile(self.value, _ENDS).tolist()
-        return low, max(high, low * (1 + 1e-9))
+        """The values [SI] between which colours go."""
+        low, high = np.percentile(self.value, _COLOUR_PERCENTILES).tolist()
+        return low, max(high, low * (1 + _MIN_RANGE))
 
 
 def write_surface_map(surface_map: SurfaceMap) -> bytes:
@@ -70,31 +72,34 @@ def read_surface_map(path: Path) -> SurfaceMap:
     except OSError as error:
         raise LogError(f"{path}: cannot be read: {error.strerror}") from error
     try:
-        return _parsed(content)
+        return _parse(content)
     except (ValueError, IndexError, KeyError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: is not a map of a surface, or a damaged one: {error}") from error
 
 
-def _parsed(content: bytes) -> SurfaceMap:
+def _parse(content: bytes) -> SurfaceMap:
+    """Return the map in the bytes of a PLY file; raises ValueError, IndexError or KeyError for any other content."""
+    # The header: counts of vertices and faces, names of the columns, and the unit at the end of a comment.
     head, mark, body = content.partition(b"end_header\n")
     lines = head.decode("ascii").splitlines()
     if not mark or not head.startswith(_HEAD.encode()):
         raise ValueError("its header is another one")
-    number = {line.split()[1]: int(line.split()[2]) for line in lines if line.startswith("element")}
-    counts = number["vertex"], number["face"]
+    counts = {line.split()[1]: int(line.split()[2]) for line in lines if line.startswith("element")}
     columns = [line.split()[2] for line in lines if line.startswith("property double")]
-    layout = np.dtype([(key, "<f8") for key in columns] + [(key, "u1") for key in _COLOURS])
-    if len(body) != counts[0] * layout.itemsize + counts[1] * _FACE.itemsize:
-        raise ValueError(f"it has {len(body)} bytes of data")
-    vertices: Any = np.frombuffer(body, layout, counts[0])
-    faces: Any = np.frombuffer(body, _FACE, counts[1], offset=counts[0] * layout.itemsize)
-    name = columns[3]
+    name = columns[_VALUE_COLUMN]
     unit = next(line for line in lines if line.startswith("comment x")).rpartition("[")[2].rstrip("]")
-    place = np.column_stack([vertices[key] for key in _AXES])
-    rows = faces["rows"].astype(np.int64)
-    if not len(rows) or not np.isfinite(place).all():
+    # The data: vertices, then faces.
+    vertex_layout = np.dtype([(key, "<f8") for key in columns] + [(key, "u1") for key in _COLOURS])
+    vertex_bytes = counts["vertex"] * vertex_layout.itemsize
+    if len(body) != vertex_bytes + counts["face"] * _FACE.itemsize:
+        raise ValueError(f"it has {len(body)} bytes of data")
+    vertices: Any = np.frombuffer(body, vertex_layout, counts["vertex"])
+    faces: Any = np.frombuffer(body, _FACE, counts["face"], offset=vertex_bytes)
+    positions = np.column_stack([vertices[key] for key in _AXES])
+    triangles = faces["rows"].astype(np.int64)
+    if not len(triangles) or not np.isfinite(positions).all():
         raise ValueError("it has no triangles, or a vertex that is not a finite number")
-    if rows.min() < 0 or rows.max() >= len(place):
+    if triangles.min() < 0 or triangles.max() >= len(positions):
         raise ValueError("a triangle names an unknown vertex")
     value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
-    return SurfaceMap(place, rows, value, std, p, name, unit)
+    return SurfaceMap(positions, triangles, value, std, p, name, unit)
