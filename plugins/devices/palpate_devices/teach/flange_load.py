@@ -1,4 +1,4 @@
-"""What hangs at the flange, weighed by the sensor in the arm's own flange in several orientations."""
+"""The load at the flange, weighed by the sensor in the arm's flange in several orientations."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from palpate_kit.numerics.normal_equations import linear_regression
 if TYPE_CHECKING:
     from palpate_arms.arm_by_hand import Posture
 
-_SPREAD = 0.5  # least singular value of the directions of gravity, about their mean
-_HELD = 2.0  # [N] root mean square of what a weight does not explain
+# Choices.
+_MIN_SPREAD = 0.5  # second singular value of the directions of gravity, about their mean
+_MAX_UNEXPLAINED = 2.0  # [N] root mean square of what a weight does not explain
+_WEIGHT_SIGMAS, _MIN_MASS = 3, 1e-3  # standard deviations, and [kg], from which on a weight was felt
 
 
 @dataclass(frozen=True)
@@ -31,40 +33,41 @@ class FlangeLoad:
 def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
     """Return the load from wrenches in several orientations, the sensor's offset unknown; the base stands upright.
 
-    f = m g + f0 and t = c x m g + t0 in the flange's frame. Raises ConfigurationError where the orientations are too
-    much alike, or where something else than weight was felt.
+    f = s m g + f0 and t = c x s m g + t0 in the flange's frame, f0 and t0 the offsets, s = 1 or -1 by the sensor's
+    convention. Raises ConfigurationError where the orientations are too much alike, or where something else than weight
+    was felt.
     """
-    down = np.array([posture.flange[:3, :3].T @ [0.0, 0.0, -GRAVITY] for posture in postures])
+    gravity = np.array([posture.flange[:3, :3].T @ [0.0, 0.0, -GRAVITY] for posture in postures])
     wrench = np.array([posture.wrench for posture in postures])
-    spread = np.linalg.svd((down - down.mean(axis=0)) / GRAVITY, compute_uv=False)
-    if spread[1] < _SPREAD:
+    spread = np.linalg.svd((gravity - gravity.mean(axis=0)) / GRAVITY, compute_uv=False)
+    if spread[1] < _MIN_SPREAD:
         raise ConfigurationError(
             "the orientations are too much alike to weigh what hangs at the flange: tool down, then level, then level "
             "and turned about its own axis by 90 deg"
         )
-    (signed, *_), (std, *_), rest = _solved(down[:, :, None], wrench[:, :3])
-    if rest > _HELD:
+    (signed_mass, *_), (std, *_), unexplained = _solve_with_offset(gravity[:, :, None], wrench[:, :3])
+    if unexplained > _MAX_UNEXPLAINED:
         raise ConfigurationError(
-            f"the flange felt {rest:.1f} N that no weight explains, over {_HELD:g} N: nothing may touch tool or arm "
-            "while it is read"
+            f"the flange felt {unexplained:.1f} N that no weight explains, over {_MAX_UNEXPLAINED:g} N: nothing may "
+            "touch tool or arm while it is read"
         )
-    if abs(signed) < max(3 * std, 1e-3):
+    if abs(signed_mass) < max(_WEIGHT_SIGMAS * std, _MIN_MASS):
         raise ConfigurationError(
-            f"the flange felt no weight ({1e3 * signed:.0f} g +- {1e3 * std:.0f} g): is ft_raw_wrench sent?"
+            f"the flange felt no weight ({1e3 * signed_mass:.0f} g +- {1e3 * std:.0f} g): is ft_raw_wrench sent?"
         )
-    lever = np.array([_cross(signed * direction) for direction in down])
-    centre, centre_std, _ = _solved(lever, wrench[:, 3:])
-    return FlangeLoad(abs(signed), std, centre, float(np.max(centre_std)))
+    torque_by_centre = np.array([_torque_matrix(signed_mass * g) for g in gravity])
+    centre, centre_std, _ = _solve_with_offset(torque_by_centre, wrench[:, 3:])
+    return FlangeLoad(abs(signed_mass), std, centre, float(np.max(centre_std)))
 
 
-def _cross(force: Floats) -> Floats:
-    """Matrix (3, 3) that makes a lever c into the torque c x f."""
+def _torque_matrix(force: Floats) -> Floats:
+    """Return the matrix (3, 3) whose product with a lever c is the torque c x f."""
     x, y, z = force.tolist()
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
-def _solved(matrices: Floats, readings: Floats) -> tuple[Floats, Floats, float]:
-    """Unknowns (k,) of readings (n, 3) = matrices (n, 3, k) unknowns + offset, their stds, and the residual's RMS."""
+def _solve_with_offset(matrices: Floats, readings: Floats) -> tuple[Floats, Floats, float]:
+    """Return the unknowns x (k,) of readings (n, 3) = matrices (n, 3, k) x + offset, their stds, and the RMS left."""
     count, _, unknowns = matrices.shape
     offsets = np.tile(np.eye(3), (count, 1))
     matrix = np.hstack([matrices.reshape(3 * count, unknowns), offsets])

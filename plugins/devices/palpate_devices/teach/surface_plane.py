@@ -10,10 +10,13 @@ from palpate import ConfigurationError, Floats
 from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-_APART = 5e-3  # [m] between a point and the line of two others, and between the fourth and the others
-_SLIM = 0.1  # of its longest side that a triangle is high at least
-_TILT = math.radians(30.0)  # between the tool and the normal
-_UP = np.array([0.0, 0.0, 1.0])
+# Choices.
+_MIN_DISTANCE = 5e-3  # [m] between a point and the line of two others, and between the fourth and the others
+_MIN_HEIGHT_SHARE = 0.1  # of its longest side, that a triangle is high
+_MAX_TILT = math.radians(30.0)  # between the tool and the normal
+_SMALLEST_SINE = 1e-9  # between two axes, below which they are parallel
+_SMALLEST_LENGTH = 1e-12  # [m] in a quotient, in place of 0
+_UP = np.array([0.0, 0.0, 1.0])  # the z of the base
 
 
 @dataclass(frozen=True)
@@ -29,22 +32,24 @@ class SurfacePlane:
 
         Raises ConfigurationError where they lie on one line, or where the tool does not look at their plane.
         """
+        # The cross product of two sides is twice the area: over the longest side, the least height of the triangle.
         sides = [np.linalg.norm(points[i] - points[i - 1]) for i in range(3)]
-        across = np.cross(points[1] - points[0], points[2] - points[0])
+        cross_product = np.cross(points[1] - points[0], points[2] - points[0])
         longest = float(max(sides))
-        height = float(np.linalg.norm(across)) / max(longest, 1e-12)
-        if height < max(_APART, _SLIM * longest):
+        height = float(np.linalg.norm(cross_product)) / max(longest, _SMALLEST_LENGTH)
+        min_height = max(_MIN_DISTANCE, _MIN_HEIGHT_SHARE * longest)
+        if height < min_height:
             raise ConfigurationError(
                 f"the three points lie on one line, or nearly so: one of them is {1e3 * height:.1f} mm from the line "
-                f"of the others, and at least {1e3 * max(_APART, _SLIM * longest):.1f} mm are needed: touch a triangle"
+                f"of the others, and at least {1e3 * min_height:.1f} mm are needed: touch a triangle"
             )
-        normal = across / np.linalg.norm(across)
+        normal = cross_product / np.linalg.norm(cross_product)
         normal = normal if float(normal @ outwards) >= 0 else -normal
         tilt = math.acos(min(float(normal @ outwards), 1.0))
-        if tilt > _TILT:
+        if tilt > _MAX_TILT:
             raise ConfigurationError(
                 f"the plane of the three points is tilted by {math.degrees(tilt):.0f} deg from the tool, over "
-                f"{math.degrees(_TILT):g} deg: did one of them not touch the surface?"
+                f"{math.degrees(_MAX_TILT):g} deg: did one of them not touch the surface?"
             )
         return cls(points[0], normal)
 
@@ -54,12 +59,15 @@ class SurfacePlane:
 
 
 def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance: float) -> float:
-    """Height [m] of a fourth point (3,) over the plane of three (3, 3); raises ConfigurationError."""
+    """Return the height [m] of a fourth point (3,) over the plane of three (3, 3).
+
+    Raises ConfigurationError where it is over the tolerance [m], or the point next to one of the three.
+    """
     nearest = float(np.linalg.norm(points - fourth, axis=1).min())
-    if nearest < _APART:
+    if nearest < _MIN_DISTANCE:
         raise ConfigurationError(
             f"the fourth point is {1e3 * nearest:.1f} mm from one of the first three and shows nothing: at least "
-            f"{1e3 * _APART:g} mm are needed"
+            f"{1e3 * _MIN_DISTANCE:g} mm are needed"
         )
     height = plane.height_of(fourth)
     if abs(height) > tolerance:
@@ -72,23 +80,25 @@ def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance:
 
 
 def work_frame(plane: SurfacePlane, origin: Floats, tool: Floats) -> tuple[WorkFrame, float]:
-    """The frame at a point (3,) of a plane for a tool (3, 3) in the base, and by what angle [rad] that is off it.
+    """Return the frame at a point (3,) of a plane for a tool (3, 3) in the base, and the angle [rad] between both.
 
-    Turned from the base's orientation by as little as possible; the tool's own turn is what remains about its axis.
+    The frame is turned from the base's orientation by as little as possible, around up x normal. Its tool is turned
+    around the normal to be as near as possible to the real one; the angle is what remains.
     """
     axis = np.cross(_UP, plane.normal)
     sine = float(np.linalg.norm(axis))
     angle = math.atan2(sine, float(_UP @ plane.normal))
-    vector = axis * (angle / sine) if sine > 1e-9 else np.array([angle, 0.0, 0.0])
-    place = origin - plane.height_of(origin) * plane.normal
-    bare = WorkFrame(origin=_three(place), rotation=_three(vector))
-    left = bare.tool.T @ tool
-    turn = math.atan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1])
-    frame = bare.model_copy(update={"turn": turn})
-    rest = rotation_matrix((0.0, 0.0, -turn)) @ left
-    return WorkFrame.model_validate(frame.model_dump()), float(np.linalg.norm(rotation_vector(rest)))
+    rotation = axis * (angle / sine) if sine > _SMALLEST_SINE else np.array([angle, 0.0, 0.0])
+    foot = origin - plane.height_of(origin) * plane.normal
+    unturned = WorkFrame(origin=_coordinates(foot), rotation=_coordinates(rotation))
+    from_unturned = unturned.tool.T @ tool
+    turn = math.atan2(from_unturned[1, 0] - from_unturned[0, 1], from_unturned[0, 0] + from_unturned[1, 1])
+    frame = unturned.model_copy(update={"turn": turn})
+    remainder = rotation_matrix((0.0, 0.0, -turn)) @ from_unturned
+    return WorkFrame.model_validate(frame.model_dump()), float(np.linalg.norm(rotation_vector(remainder)))
 
 
-def _three(vector: Floats) -> tuple[float, float, float]:
+def _coordinates(vector: Floats) -> tuple[float, float, float]:
+    """Return the three numbers of a vector (3,)."""
     x, y, z = vector.tolist()
     return x, y, z

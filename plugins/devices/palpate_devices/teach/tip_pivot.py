@@ -1,4 +1,4 @@
-"""Where the tip is on the flange, by turning the tool about it: the tip stays, the flange goes round."""
+"""The place of the tip on the flange, by turning the tool about the tip: the tip stays, the flange goes round."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from palpate import ConfigurationError, Floats
 from palpate_kit.kinematics.rotations import rotation_vector
 from palpate_kit.numerics.normal_equations import linear_regression
 
-_LEAST = math.radians(5.0)  # of each turn
-_SLID = 0.5e-3  # [m]
-_OFF = 1e-3  # [m]
+# Choices.
+_MIN_TURN = math.radians(5.0)  # of each posture against the first
+_MIN_SIDEWAYS_TURN = 0.3  # of the largest turn, around a second axis
+_MAX_SLIDE = 0.5e-3  # [m] root mean square of what the tip moved
+_MAX_DISTANCE = 1e-3  # [m] of the pivot from the declared tip
+_MAX_STD = _MAX_DISTANCE / 2  # [m] of the pivot
 
 
 @dataclass(frozen=True)
 class Pivot:
-    """The point about which a tool turned."""
+    """The point about which a tool was turned."""
 
     place: Floats  # (3,) [m] on the flange
     std: float  # [m] largest standard uncertainty of it
@@ -26,19 +29,22 @@ class Pivot:
 
 
 def pivot_of(flanges: Sequence[Floats]) -> Pivot:
-    """Return the point that stood still while the flange (4, 4) took some postures; raises ConfigurationError.
+    """Return the point that stood still while the flange (4, 4) took some postures.
 
     R t + p = c for each posture with rotation R and place p: least squares for t on the flange and c in the base.
+    Raises ConfigurationError where a turn is too small, or all are around one axis.
     """
     first = flanges[0][:3, :3]
     turns = np.array([rotation_vector(first.T @ flange[:3, :3]) for flange in flanges[1:]])
     angles = np.linalg.norm(turns, axis=1)
-    if (small := float(angles.min())) < _LEAST:
+    smallest = float(angles.min())
+    if smallest < _MIN_TURN:
         raise ConfigurationError(
-            f"a turn of {math.degrees(small):.1f} deg shows too little: at least {math.degrees(_LEAST):g} deg "
+            f"a turn of {math.degrees(smallest):.1f} deg shows too little: at least {math.degrees(_MIN_TURN):g} deg "
             "are needed"
         )
-    if np.linalg.svd(turns, compute_uv=False)[1] < 0.3 * float(angles.max()):
+    # The second singular value of the rotation vectors is their part across the main axis.
+    if np.linalg.svd(turns, compute_uv=False)[1] < _MIN_SIDEWAYS_TURN * float(angles.max()):
         raise ConfigurationError("all turns were about one axis: turn the tool sideways as well as forwards")
     matrix = np.vstack([np.hstack([flange[:3, :3], -np.eye(3)]) for flange in flanges])
     regression = linear_regression(matrix, -np.concatenate([flange[:3, 3] for flange in flanges]))
@@ -47,26 +53,27 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
 
 
 def check_tip(pivot: Pivot, tool: Floats, radius: float) -> float:
-    """Distance [m] of a pivot from where a tool (4, 4) has it; raises ConfigurationError where that is too far.
+    """Return the distance [m] of a pivot from the place that a tool (4, 4) declares.
 
-    A ball in a hole turns about its centre, `radius` [m] behind the tip; a pointed tip has none.
+    A ball in a hole turns about its centre, `radius` [m] behind the tip; that of a pointed tip is 0. Raises
+    ConfigurationError where the distance is over 1 mm, where the tip slid, or where the turns do not determine it.
     """
-    if pivot.residual > _SLID:
+    if pivot.residual > _MAX_SLIDE:
         raise ConfigurationError(
-            f"the tip slid by {1e3 * pivot.residual:.1f} mm while the tool was turned, over {1e3 * _SLID:g} mm: hold "
-            "it in a small hole, and turn again"
+            f"the tip slid by {1e3 * pivot.residual:.1f} mm while the tool was turned, over {1e3 * _MAX_SLIDE:g} mm: "
+            "hold it in a small hole, and turn again"
         )
-    if pivot.std > _OFF / 2:
+    if pivot.std > _MAX_STD:
         raise ConfigurationError(
             f"the turns show the tip to {1e3 * pivot.std:.1f} mm only: turn farther, and hold the tip better"
         )
     centre = tool[:3, 3] - radius * tool[:3, 2]
-    apart = float(np.linalg.norm(pivot.place - centre))
-    if apart > _OFF:
+    distance = float(np.linalg.norm(pivot.place - centre))
+    if distance > _MAX_DISTANCE:
         tip = pivot.place + radius * tool[:3, 2]
-        fits = ", ".join(f'"{1e3 * x + 0.0:.1f} mm"' for x in tip)
+        tcp = ", ".join(f'"{1e3 * x + 0.0:.1f} mm"' for x in tip)
         raise ConfigurationError(
-            f"the tool turned about a point {1e3 * apart:.1f} mm from where tcp has the tip, over {1e3 * _OFF:g} mm: "
-            f"tcp = [{fits}] would agree; set it in the pipeline and on the pendant"
+            f"the tool turned about a point {1e3 * distance:.1f} mm from where tcp has the tip, over "
+            f"{1e3 * _MAX_DISTANCE:g} mm: tcp = [{tcp}] would agree; set it in the pipeline and on the pendant"
         )
-    return apart
+    return distance

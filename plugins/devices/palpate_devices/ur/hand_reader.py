@@ -16,10 +16,11 @@ from palpate_kit.protocols.ur_dashboard import probe, refuse_unready
 from palpate_devices.ur.client_library import missing_library
 
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose"]
-_RAW = "ft_raw_wrench"
-_SILENT = 1.0  # [s] without a new state
-_LOOK = 0.001  # [s]
-_NOMINAL = 5e-3  # [m] by which a real arm differs from the nominal one
+_RAW_WRENCH = "ft_raw_wrench"
+# Choices.
+_MAX_SILENCE = 1.0  # [s] without a new state
+_POLL_INTERVAL = 0.001  # [s]
+_MAX_NOMINAL_ERROR = 5e-3  # [m] of the tip, by which a real arm differs from the nominal one
 
 
 class URByHand:
@@ -39,7 +40,7 @@ class URByHand:
             raise DeviceError(f"ur at {error}") from error
         self._weighs = weighs
         try:
-            self._states = host().robot_states(address, [*_VARIABLES, *([_RAW] if weighs else [])])
+            self._states = host().robot_states(address, [*_VARIABLES, *([_RAW_WRENCH] if weighs else [])])
         except ImportError as error:
             raise DeviceError(f"{self._name}: {missing_library()} ({error})") from error
         except RuntimeError as error:
@@ -47,14 +48,19 @@ class URByHand:
         self.tool = self._tool(model, tcp, rotation)
 
     def _tool(self, model: str, tcp: Sequence[float], rotation: Sequence[float] | None) -> Floats:
-        """Return the tool (4, 4) on the flange, by what is declared; the pendant has to have the same."""
+        """Return the tool (4, 4) on the flange as it is declared, with the pendant's rotation where none is.
+
+        The pendant's tool is the pose that the controller reports behind the flange of the nominal arm. Raises
+        ConfigurationError where its TCP is farther from the declared one than a real arm is from the nominal one.
+        """
         self._next_state(-1.0)
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
         declared = matrix_of([*tcp, *(rotation or (0.0, 0.0, 0.0))])
-        known = MODELS.get(model) or distinguishable(q, declared, pose[:3, 3])[0]
-        pendant = np.linalg.inv(known.flange(q)[0]) @ pose
-        apart = float(np.linalg.norm(pendant[:3, 3] - declared[:3, 3]))
-        if apart > _NOMINAL:
+        arm = MODELS.get(model) or distinguishable(q, declared, pose[:3, 3])[0]
+        flange, _ = arm.flange(q)
+        pendant = np.linalg.inv(flange) @ pose
+        distance = float(np.linalg.norm(pendant[:3, 3] - declared[:3, 3]))
+        if distance > _MAX_NOMINAL_ERROR:
             raise ConfigurationError(
                 f"{self._name}: the TCP on the pendant is at {_mm(pendant[:3, 3])} on the flange, and tcp says "
                 f"{_mm(declared[:3, 3])}: set the pendant's to that, so that the controller reports where the tip is"
@@ -77,14 +83,16 @@ class URByHand:
         wrench = values[:, 6:].mean(axis=0) if self._weighs else None
         return Posture(tip, tip @ np.linalg.inv(self.tool), wrench)
 
-    def _next_state(self, before: float) -> float:
-        deadline = clock().now() + _SILENT
-        while (stamp := float(self._states.getTimestamp())) == before or not self._states.isConnected():
+    def _next_state(self, previous_stamp: float) -> float:
+        """Wait for a state after that of a stamp [s], and return its stamp; raises DeviceError after 1 s."""
+        deadline = clock().now() + _MAX_SILENCE
+        while (stamp := float(self._states.getTimestamp())) == previous_stamp or not self._states.isConnected():
             if clock().now() > deadline:
                 raise DeviceError(f"{self._name}: the controller is silent")
-            clock().sleep(_LOOK)
+            clock().sleep(_POLL_INTERVAL)
         return stamp
 
 
 def _mm(place: Floats) -> str:
+    """Return a place (3,) [m] in words, in mm."""
     return f"({', '.join(f'{1e3 * x + 0.0:.1f}' for x in place)}) mm"
