@@ -82,7 +82,8 @@ def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknown
 def _is_far(x: Floats, minimum: Floats, places: list[int], has_memory: bool) -> bool:
     """Return True if the parameter of any place has been corrected by more than the largest share of its value."""
     shares = [abs(x[i] - minimum[i]) / abs(minimum[i]) for i in places if minimum[i]]
-    return max(shares, default=0.0) > (_MAX_CORRECTION_WITH_MEMORY if has_memory else _MAX_CORRECTION)
+    largest = _MAX_CORRECTION_WITH_MEMORY if has_memory else _MAX_CORRECTION
+    return bool(max(shares, default=0.0) > largest)
 
 
 def _attenuation_gradient(residual: Residual, record: FitRecord, x: Floats, surface: int) -> Floats:
