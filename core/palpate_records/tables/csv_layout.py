@@ -7,18 +7,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import IO
 
 from palpate import LogError
 
 from palpate_records.tables.cell_units import number_and_unit
 from palpate_records.tables.csv_names import plain_unit
-from palpate_records.tables.dialect import Dialect, is_blank, is_clock
+from palpate_records.tables.dialect import Dialect, TableRow, is_blank, is_clock
 from palpate_records.tables.heading_rules import TopLines, heading_cells, with_groups
 from palpate_records.tables.number_rows import ENOUGH_ROWS, RowBlock, block_of_rows, refuse_numbers_above
 from palpate_records.tables.table_text import bounded_lines
 
-Row = TypeVar("Row")
 LINES = 400  # above the first row of numbers, at most
 _TITLES = 50  # lines above the names of a page, at most
 _BETWEEN = re.compile(r"[:=\t;,]")
@@ -51,21 +50,17 @@ class TableLayout:
 
 
 def one_table(
-    rows: Iterable[Row],
-    layout: TableLayout,
-    dialect: Dialect,
-    cells_of: Callable[[Row], list[str]],
-    pages: Callable[[], int],
-) -> Iterator[Row]:
+    rows: Iterable[TableRow], layout: TableLayout, dialect: Dialect, pages: Callable[[], int]
+) -> Iterator[TableRow]:
     """The rows of a table, up to the title of another one with the same names, but for the heads of its own pages.
 
     `pages` is how many it has, 0 if nothing is known of tables below it, whose heads are rows then.
     """
     names = [name.strip() for name in layout.names or ()]
-    above: list[Row] = []  # rows without readings, perhaps the title of the next page
+    above: list[TableRow] = []  # rows without readings, perhaps the title of the next page
     page, is_head = 1, False
     for row in rows:
-        cells = cells_of(row)
+        _, cells = row
         if len(above) == _TITLES or any(dialect.is_value(cells[k]) for k in layout.numbers if k < len(cells)):
             yield from above
             above.clear()
@@ -74,7 +69,7 @@ def one_table(
         elif names and [cell.strip() for cell in cells] == names and pages():
             page, is_head = page + 1, True
             if page > pages():
-                yield from (row for row in above if sum(map(bool, map(str.strip, cells_of(row)))) > 1)
+                yield from (row for row in above if sum(map(bool, map(str.strip, row[1]))) > 1)
                 return
             above.clear()
         elif not is_head:

@@ -18,12 +18,13 @@ from palpate_records.tables.binary_tables import is_binary_table
 from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, number_or_nan
 from palpate_records.tables.clock_times import Days, seconds_or_nan
-from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of, one_table
+from palpate_records.tables.csv_layout import StatedValue, TableLayout, first_lines, layout_of
 from palpate_records.tables.csv_names import is_electrical, is_reading, looks_like_unit, plain_unit, unit_of, unit_text
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
-from palpate_records.tables.footer import is_event, without_footer
+from palpate_records.tables.footer import is_event
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
+from palpate_records.tables.table_rows import rows_below
 from palpate_records.tables.table_text import bounded_lines, open_text
 
 KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
@@ -123,21 +124,19 @@ class Sheet:
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
-        rows = self.dialect.rows(line for line in lines if not self.dialect.is_comment(line))
         pages = self.pages if self.record is None else self.record.pages
-        if self.stated.get("header") or pages > 1:  # one table of several, that ends where the next begins
-            rows = one_table(rows, self.layout, self.dialect, list, lambda: pages)
-        rows = without_footer(rows, list, self.layout.numbers, self.dialect, self.footer, above)
-        if self.record is not None:
-            rows = map(self.record.picked, self.record.rows(rows, list))
+        known = (
+            pages if self.stated.get("header") or pages > 1 else 0
+        )  # one table of several ends where the next begins
+        rows = rows_below(above, lines, self.layout, self.dialect, self.record, lambda: known, self.footer)
         while part := list(islice(rows, _BLOCK)):
-            self.events.extend(cells[0] for cells in part if is_event(cells, count, self.dialect))
+            self.events.extend(cells[0] for _, cells in part if is_event(cells, count, self.dialect))
             block = np.full((len(part), count), np.nan)
-            for i, cells in enumerate(part):
+            for i, (_, cells) in enumerate(part):
                 block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]
             for k, day in days.items():
                 block[:, k] = day.unwrapped(block[:, k])
-            yield block[[bool(cells) for cells in part]]
+            yield block[[bool(cells) for _, cells in part]]
 
     def _reader(self, column: int) -> Callable[[str], float]:
         """What makes a number of the cells of a column, NaN where they are not numbers."""
@@ -230,9 +229,9 @@ class Sheet:
         name = column_text(self.column(column))
         with open_text(self.path, *self.text_keys) as file:
             lines = islice(bounded_lines(file, self.path), self.layout.begin, None)
-            rows = self.dialect.rows(lines)
-            mine = rows if self.record is None else map(self.record.picked, self.record.rows(rows, list))
-            cells = (row[column].strip() for row in mine if column < len(row))
+            rows = enumerate(self.dialect.rows(lines))
+            mine = rows if self.record is None else self.record.rows(rows)
+            cells = (row[column].strip() for _, row in mine if column < len(row))
             text = next((cell for cell in cells if cell and np.isnan(number_or_nan(cell, self.dialect.decimal))), None)
         found = f"text ({printable(text)[:_NAME]!r})" if text else "empty cells"
         found = f"{found} and {count} numbers" if count else f"{found}, no numbers"

@@ -18,6 +18,7 @@ _SEPARATORS = ("\t", ";", ",", " ")
 _LOOKED = 15  # lines, the longest and the last, among which numbers are likeliest
 _SPACES = " \u00a0\u202f"  # any of which stands between thousands where a space does
 _BLANKS = ("", "-", "--", "n/a", "none", "null")
+TableRow = tuple[int, list[str]]  # a line, counted from 1, and its cells
 
 
 @dataclass(frozen=True)

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from collections.abc import Iterable, Iterator
 
 from palpate import printable
 
 from palpate_records.tables.cells import is_overload
-from palpate_records.tables.dialect import Dialect, is_blank
+from palpate_records.tables.dialect import Dialect, TableRow, is_blank
 
-Row = TypeVar("Row")
 _LINES = 200  # of a footer, at most
 _ABOVE = 3  # rows of a table that has one, at least
 _SHOWN = 40  # characters of a line
 
 
 def without_footer(
-    rows: Iterable[Row],
-    cells_of: Callable[[Row], list[str]],
-    numbers: frozenset[int],
-    dialect: Dialect,
-    footer: list[list[str]],
-    above: int = 0,
-) -> Iterator[Row]:
+    rows: Iterable[TableRow], numbers: frozenset[int], dialect: Dialect, footer: list[list[str]], above: int = 0
+) -> Iterator[TableRow]:
     """Yield the rows of a table whose first has numbers in these columns; what is below them goes to the footer.
 
     A footer begins with words in the first column of numbers, or with fewer cells below an empty line, and has no row
@@ -34,10 +27,10 @@ def without_footer(
         yield from rows
         return
     first = min(numbers)
-    held: list[Row] = []
+    held: list[TableRow] = []
     below = False  # an empty line
     for row in rows:
-        cells = cells_of(row)
+        _, cells = row
         cell = cells[first].strip() if first < len(cells) else ""
         if held or below or not dialect.is_value(cell):
             if _is_row(cells, numbers, dialect) or len(held) == _LINES:
@@ -51,7 +44,7 @@ def without_footer(
         below = not _is_filled(cells)
         above += not below
         yield row
-    footer += filter(_is_filled, map(cells_of, held))
+    footer += [cells for _, cells in held if _is_filled(cells)]
 
 
 def _is_filled(cells: list[str]) -> bool:

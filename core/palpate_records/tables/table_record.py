@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from palpate_records.tables.csv_layout import TableLayout
+from palpate_records.tables.dialect import TableRow
 
-Row = TypeVar("Row")
 OF_RECORD = ("sheet", "header")  # keys of a file that a record states
 
 
@@ -36,17 +35,16 @@ class TableRecord:
         clocks = frozenset(place for place, k in enumerate(self.cells) if k in whole.clocks)
         return replace(whole, width=len(self.cells), names=self.names, units=units, clocks=clocks, cell_units=own)
 
-    def rows(self, rows: Iterable[Row], cells_of: Callable[[Row], list[str]]) -> Iterator[Row]:
-        """Yield the rows that are its own, whole; a cell that is empty names what that above it does."""
+    def rows(self, rows: Iterable[TableRow]) -> Iterator[TableRow]:
+        """Yield its own cells of the rows that are its own; a cell that is empty names what that above it does."""
         current = [""] * len(self.naming)
-        for row in rows:
-            cells = cells_of(row)
+        for line, cells in rows:
             for i, k in enumerate(self.naming):
                 current[i] = (cells[k].strip() if k < len(cells) else "") or current[i]
             if tuple(current) == self.texts:
-                yield row
+                yield line, self._picked(cells)
 
-    def picked(self, cells: list[str]) -> list[str]:
+    def _picked(self, cells: list[str]) -> list[str]:
         """Its own cells of a row; none where all are empty, since it is shorter than those next to it."""
         if not self.cells:
             return cells

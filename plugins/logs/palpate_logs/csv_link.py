@@ -13,13 +13,14 @@ from palpate_records.messages.readings import LATEST, nanoseconds, sensible, si_
 from palpate_records.tables.cell_units import cell_factor, number_and_unit
 from palpate_records.tables.cells import POINTS, has_decimal_comma, is_cut_at_commas, is_overload, number
 from palpate_records.tables.clock_times import CLOCK, Days, seconds_of_day
-from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of, one_table
+from palpate_records.tables.csv_layout import TableLayout, first_lines, layout_of
 from palpate_records.tables.csv_names import weight_of
 from palpate_records.tables.csv_truncation import cut_number
-from palpate_records.tables.dialect import MARKS
-from palpate_records.tables.footer import is_event, without_footer
+from palpate_records.tables.dialect import MARKS, TableRow
+from palpate_records.tables.footer import is_event
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines, without_digits
 from palpate_records.tables.table_records import pages_of, record_named
+from palpate_records.tables.table_rows import rows_below
 from palpate_records.tables.table_text import bounded_lines, open_text
 
 from palpate_logs.csv_settings import CsvSettings
@@ -118,10 +119,7 @@ class CsvLink:
             for text in whole_lines(file):
                 numbers = self._plain(text)
                 if numbers is None:  # anything else than plain numbers is read line by line from there on
-                    rest = lines_from(text, file, path)
-                    mark = self._dialect.comment
-                    said = ("\n" if mark in one and self._dialect.is_comment(one) else one for one in rest)
-                    yield from self._by_line(enumerate(self._dialect.rows(said), line + 1), line - self._layout.begin)
+                    yield from self._by_line(lines_from(text, file, path), line - self._layout.begin)
                     break
                 line += len(numbers)
                 self._widths = self._layout.width, self._layout.width, line
@@ -135,22 +133,18 @@ class CsvLink:
         numbers = plain_numbers(text, self._dialect, self._layout.width)
         return None if numbers is None else numbers[:, self._at]
 
-    def _by_line(self, rows: Iterator[tuple[int, list[str]]], above: int) -> Iterator[Floats]:
+    def _by_line(self, lines: Iterator[str], above: int) -> Iterator[Floats]:
         """Yield the numbers (n, places) of lines that may hold anything; so many rows were read above them."""
-        rows = one_table(rows, self._layout, self._dialect, lambda row: row[1], self._pages)
-        self._log.tally.footer.clear()
-        self._log.tally.events.clear()
-        numbers, footer = self._layout.numbers, self._log.tally.footer
-        rows = without_footer(rows, lambda row: row[1], numbers, self._dialect, footer, above)
-        if self._record is not None:
-            picked = self._record.picked
-            rows = ((line, picked(cells)) for line, cells in self._record.rows(rows, lambda row: row[1]))
-        while lines := list(islice(rows, _BLOCK)):
-            complete: list[tuple[int, list[str]]] = []
-            for line, cells in lines:
+        tally = self._log.tally
+        tally.footer.clear()
+        tally.events.clear()
+        rows = rows_below(above, lines, self._layout, self._dialect, self._record, self._pages, tally.footer)
+        while part := list(islice(rows, _BLOCK)):
+            complete: list[TableRow] = []
+            for line, cells in part:
                 # Where rows have a time, what a line of words may have lost is a gap.
                 if self._log.time is not None and is_event(cells, self._layout.width, self._dialect):
-                    self._log.tally.events.append(cells[0])
+                    tally.events.append(cells[0])
                 elif cells:
                     self._check_width(cells, line)
                     complete.append((line, cells))
@@ -229,7 +223,7 @@ class CsvLink:
             problem = f"{len(cells)} cells under a header of {few}: these look like decimal commas; {advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}")
 
-    def _numbers(self, complete: list[tuple[int, list[str]]]) -> Floats:
+    def _numbers(self, complete: list[TableRow]) -> Floats:
         """Return the numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
         with suppress(ValueError, IndexError):
             texts = [cells[place] for _, cells in complete for place in self._at]

@@ -1,0 +1,29 @@
+"""The rows of a table that may hold anything, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from palpate_records.tables.csv_layout import TableLayout, one_table
+from palpate_records.tables.dialect import Dialect, TableRow
+from palpate_records.tables.footer import without_footer
+from palpate_records.tables.table_record import TableRecord
+
+
+def rows_below(
+    above: int,
+    lines: Iterable[str],
+    layout: TableLayout,
+    dialect: Dialect,
+    record: TableRecord | None,
+    pages: Callable[[], int],
+    footer: list[list[str]],
+) -> Iterator[TableRow]:
+    """Yield the rows of a table, or of a record in it, that stand in lines below `above` rows; a comment has no cells.
+
+    `pages` as in `one_table`. What stands below the table goes to `footer`.
+    """
+    without_comments = ("\n" if dialect.is_comment(line) else line for line in lines)
+    rows = enumerate(dialect.rows(without_comments), layout.begin + above + 1)
+    whole = without_footer(one_table(rows, layout, dialect, pages), layout.numbers, dialect, footer, above)
+    return whole if record is None else record.rows(whole)
