@@ -31,9 +31,9 @@ def test_the_arm_stops_within_the_force(stiff, level, noise):  # noqa: F811
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(12))
 def test_a_sound_rig_is_not_stopped_for_it(simulated, tmp_path, seed):
-    """Up to 20 s each: what the detector's 1000 rigs leave out is the arm, its controller and its clocks."""
+    """Each motion three times: what the detector's 1000 rigs leave out is the arm, its controller and its clocks."""
     rng = np.random.default_rng(seed)
     kind = list(MOTIONS)[seed % len(MOTIONS)]
     softest = 50e3 if kind == "force-hold" else 1e3  # a force that is held is more than noise

@@ -7,6 +7,8 @@ from graphlib import TopologicalSorter
 
 import pytest
 
+from tests import command
+
 PIPELINE = """
 [run]
 seed = 3
@@ -44,10 +46,35 @@ indenter = "tip"
 needs_compiler = pytest.mark.skipif(not (shutil.which("cc") and shutil.which("make")), reason="no C compiler here")
 
 
-def _exported(palpate, tmp_path, estimator, track="dr/filter"):
-    file = tmp_path / "point.toml"
-    file.write_text(PIPELINE + estimator)
-    return palpate("model", "export", file, "--track", track, "-o", tmp_path / "filter")
+KINEMATIC = 'type = "kinematic-ekf"'
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory):
+    """What the command says of an estimator, and the folder that it writes, made once for all tests."""
+    known = {}
+
+    def export(estimator, track="dr/filter"):
+        if (estimator, track) not in known:
+            folder = tmp_path_factory.mktemp("export")
+            (folder / "point.toml").write_text(PIPELINE + estimator)
+            words = ("model", "export", "point.toml", "--track", track, "-o", "filter")
+            known[estimator, track] = command.call(*words, cwd=folder), folder / "filter"
+        return known[estimator, track]
+
+    return export
+
+
+@pytest.fixture
+def exported(exports, tmp_path):
+    """A copy of the folder of an estimator, which a test may change."""
+
+    def copy(estimator):
+        done, folder = exports(estimator)
+        assert done.returncode == 0, done.stderr
+        return shutil.copytree(folder, tmp_path / "filter")
+
+    return copy
 
 
 @pytest.mark.slow
@@ -55,15 +82,15 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
 @pytest.mark.parametrize(
     ("estimator", "track"),
     [
-        pytest.param('type = "kinematic-ekf"', "dr/filter", marks=pytest.mark.gate),
+        pytest.param(KINEMATIC, "dr/filter", marks=pytest.mark.gate),
         ('type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4', "dr/filter"),
-        ('type = "kinematic-ekf"', "sls/filter"),
+        (KINEMATIC, "sls/filter"),
         ('type = "ekf"', "dr/filter"),
         pytest.param('type = "afukf"\nstart_from = "fit"', "dr/filter", marks=pytest.mark.gate),
     ],
 )
-def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator, track):
-    done = _exported(palpate, tmp_path, estimator, track)
+def test_c_gives_the_same_numbers_over_a_whole_run(exports, estimator, track):
+    done, folder = exports(estimator, track)
     assert done.returncode == 0, done.stderr
     compared, samples, shared, largest = re.search(
         r"(\d+) of (\d+) samples have an estimate, (\d+) in shares; largest difference (\S+)", done.stdout
@@ -72,7 +99,7 @@ def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator,
     assert int(samples) - 5 <= int(shared) <= int(samples)  # those at the end may wait for the samples after them
     assert int(samples) > 1000
     assert float(largest) <= 1e-12
-    rows = [line.split(",") for line in (tmp_path / "filter" / "vectors.csv").read_text().splitlines()[1:]]
+    rows = [line.split(",") for line in (folder / "vectors.csv").read_text().splitlines()[1:]]
     assert sum(row[-1] == "0.0" for row in rows) > 90  # estimates to compare, not only waiting
     assert "nan" in rows[0][7]  # from free air on
 
@@ -80,10 +107,10 @@ def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator,
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("share", [700, 4000])
-def test_shares_of_any_size_give_the_same_numbers(palpate, tmp_path, share):
+def test_shares_of_any_size_give_the_same_numbers(exported, share):
     """Where a sample stops, and the next goes on, is anywhere in the searches; a small share takes its time."""
-    assert _exported(palpate, tmp_path, 'type = "kinematic-ekf"').returncode == 0
-    header, code = tmp_path / "filter" / "palpate_filter.h", tmp_path / "filter" / "palpate_filter.c"
+    folder = exported(KINEMATIC)
+    header, code = folder / "palpate_filter.h", folder / "palpate_filter.c"
     header.write_text(re.sub(r"(#define PALPATE_RECORD) \d+", r"\1 4000", header.read_text()))
     code.write_text(re.sub(r"settings->share = \d+", f"settings->share = {share}", code.read_text()))
     done = subprocess.run(["make", "-C", code.parent, "-s", "check"], capture_output=True, text=True)
@@ -94,14 +121,14 @@ def test_shares_of_any_size_give_the_same_numbers(palpate, tmp_path, share):
 
 @pytest.mark.slow
 @needs_compiler
-@pytest.mark.parametrize("estimator", ['type = "ekf"', pytest.param('type = "kinematic-ekf"', marks=pytest.mark.slow)])
-def test_it_neither_allocates_nor_calls_itself(palpate, tmp_path, estimator):
+@pytest.mark.parametrize("estimator", ['type = "ekf"', KINEMATIC])
+def test_it_neither_allocates_nor_calls_itself(exported, estimator):
     """By the compiler's own graph of calls: no cycle, nothing from outside but functions of libm, a bounded stack."""
-    assert _exported(palpate, tmp_path, estimator).returncode == 0
-    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-fcallgraph-info=su", "-c", "palpate_filter.c"]
-    if subprocess.run(command, cwd=tmp_path / "filter", capture_output=True).returncode:
+    folder = exported(estimator)
+    compiler = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-fcallgraph-info=su", "-c", "palpate_filter.c"]
+    if subprocess.run(compiler, cwd=folder, capture_output=True).returncode:
         pytest.skip("this compiler draws no graph of calls")
-    graph = (tmp_path / "filter" / "palpate_filter.ci").read_text()
+    graph = (folder / "palpate_filter.ci").read_text()
     stack = dict(
         re.findall(r'node: { title: "([^"]+)" label: "[^"]*?(\d+) bytes \((?:static|dynamic,bounded)\)', graph)
     )
@@ -120,9 +147,8 @@ def test_it_neither_allocates_nor_calls_itself(palpate, tmp_path, estimator):
 
 @pytest.mark.slow
 @needs_compiler
-def test_the_check_sees_a_number_that_is_off(palpate, tmp_path):
-    assert _exported(palpate, tmp_path, 'type = "ekf"').returncode == 0
-    code = tmp_path / "filter" / "palpate_filter.c"
+def test_the_check_sees_a_number_that_is_off(exported):
+    code = exported('type = "ekf"') / "palpate_filter.c"
     text = code.read_text()
     assert "settings->step.velocity_std = 0.00067;" in text
     code.write_text(text.replace("settings->step.velocity_std = 0.00067;", "settings->step.velocity_std = 0.00067001;"))
@@ -133,9 +159,8 @@ def test_the_check_sees_a_number_that_is_off(palpate, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="no gcc-arm-none-eabi here")
-def test_it_compiles_for_a_microcontroller(palpate, tmp_path):
-    assert _exported(palpate, tmp_path, 'type = "kinematic-ekf"').returncode == 0
-    done = subprocess.run(["make", "-C", tmp_path / "filter", "-s", "arm"], capture_output=True, text=True)
+def test_it_compiles_for_a_microcontroller(exported):
+    done = subprocess.run(["make", "-C", exported(KINEMATIC), "-s", "arm"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     code, data, memory = (int(word) for word in done.stdout.splitlines()[1].split()[:3])
     assert code < 40_000
@@ -150,8 +175,8 @@ def test_it_compiles_for_a_microcontroller(palpate, tmp_path):
         ('type = "ekf"', "dr/filer", "did you mean 'dr/filter'?"),
     ],
 )
-def test_what_cannot_be_exported_is_refused_by_name(palpate, tmp_path, estimator, track, told):
-    done = _exported(palpate, tmp_path, estimator, track)
+def test_what_cannot_be_exported_is_refused_by_name(exports, estimator, track, told):
+    done, folder = exports(estimator, track)
     assert done.returncode == 2
     assert told in done.stderr
-    assert not (tmp_path / "filter").exists()
+    assert not folder.exists()

@@ -32,14 +32,6 @@ def result(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_few_of_them_are_right(tmp_path):
-    result = benchmark.matrix(1, tmp_path / "out", ["dr/ekf", "dr/kinematic", "hc/fit"], "5 s")
-    assert len(result.tracks) == 3
-    assert benchmark.nonsense(result) == []
-    assert result.tracks["dr/kinematic"].verdict in ("good", "note")
-
-
-@pytest.mark.slow
 def test_nothing_is_wrong_without_a_flag(result):
     """Some 20 s, with its fixture, for 27 tracks of one record: each kind of model meets each kind of estimator."""
     assert len(result.tracks) == len(TRACKS)
