@@ -8,8 +8,6 @@ from palpate.twin import HoldUp
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur.device import UR
 
-HELD_UP = [("robot", 0.05), ("sensor", 0.008), ("sensor", 0.05), ("main", 0.008), ("main", 0.05)]
-
 
 @pytest.mark.slow
 def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
@@ -27,10 +25,7 @@ def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("process", "duration"),
-    [("robot", 0.008), *(pytest.param(*case, marks=pytest.mark.slow) for case in HELD_UP)],
-)
+@pytest.mark.parametrize(("process", "duration"), [("robot", 0.008), ("robot", 0.05), ("sensor", 0.05), ("main", 0.05)])
 def test_a_short_hold_up_ends_nothing(simulated, process, duration):
     from tests.devices.simulated_bench import SHORT
 

@@ -54,8 +54,13 @@ JUDGED = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mass", [140, 500])
-@pytest.mark.parametrize("held_up", [(0.0, 1.0), (0.008, 1.0), (0.008, 2.5), (0.020, 1.0), (0.020, 2.5)])
+@pytest.mark.parametrize(
+    ("held_up", "mass"),
+    [
+        *(((0.0, 1.0), 140), ((0.008, 1.0), 140), ((0.008, 2.5), 140), ((0.020, 1.0), 140), ((0.020, 2.5), 140)),
+        *(((0.008, 2.5), 500), ((0.020, 1.0), 500)),
+    ],
+)
 def test_a_hesitation_is_no_fault_of_the_model(tmp_path, monkeypatch, held_up, mass):
     file = tmp_path / "p.toml"
     file.write_text(PIPELINE.format(mass=mass))
