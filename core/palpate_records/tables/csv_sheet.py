@@ -125,10 +125,9 @@ class Sheet:
         readers = [seconds_or_nan if k in self.layout.clocks else self._reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
         pages = self.pages if self.record is None else self.record.pages
-        known = (
-            pages if self.stated.get("header") or pages > 1 else 0
-        )  # one table of several ends where the next begins
-        rows = rows_below(above, lines, self.layout, self.dialect, self.record, lambda: known, self.footer)
+        if not self.stated.get("header") and pages == 1:
+            pages = 0  # nothing is known of tables below it
+        rows = rows_below(above, lines, self.layout, self.dialect, self.record, lambda: pages, self.footer)
         while part := list(islice(rows, _BLOCK)):
             self.events.extend(cells[0] for _, cells in part if is_event(cells, count, self.dialect))
             block = np.full((len(part), count), np.nan)
