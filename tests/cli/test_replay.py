@@ -194,13 +194,13 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
 def test_an_assumption_belongs_to_its_model_or_to_all(root):
     from palpate_engine import TrackResult, UncertainValue
     from palpate_engine.config import load_pipeline
-    from palpate_engine.pipeline.run_result import _assumed
+    from palpate_engine.pipeline.run_result import _assumed_conditions
 
     kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
     pipeline = load_pipeline(root / "pipelines" / "filters.toml", kinds)
     nothing = UncertainValue(0.0, 0.0, "m")
     tracks = [TrackResult(model, "ekf", 1, {}, nothing, 0.0, 1.0, (), 0.0) for model in ("dr", "kv")]
-    said = {track.model: [one.fact for one in _assumed(pipeline, track)] for track in tracks}
+    said = {track.model: [one.fact for one in _assumed_conditions(pipeline, track)] for track in tracks}
     assert said == {"dr": ["model.dr.poisson", "alignment.tip_mass"], "kv": ["alignment.tip_mass"]}
 
 
