@@ -71,10 +71,16 @@ def _short(value: float) -> float:
 
 def read_lumps(maps: Path) -> list[dict[str, Any]]:
     """Return the lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
+    lumps = read_lump_findings(maps).get("lumps")
+    return lumps if isinstance(lumps, list) else []
+
+
+def read_lump_findings(maps: Path) -> dict[str, Any]:
+    """Return the lumps of a folder of maps, what is excluded, and the warning; nothing where it was not asked."""
     try:
-        return list(json_document(bounded_text(maps / "lumps.json"))["lumps"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return []
+        return dict(json_document(bounded_text(maps / "lumps.json")))
+    except (OSError, ValueError, TypeError):
+        return {}
 
 
 def lump_shapes(lumps: list[dict[str, Any]]) -> list[list[float]]:

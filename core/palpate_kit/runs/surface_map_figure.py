@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from palpate import Floats
 from palpate_engine import display_unit
 
 from palpate_kit.figures import WIDTHS, figure_of, style
+from palpate_kit.runs.exclusion_figure import draw_exclusion
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
 # The axes that a view shows, and the one along which it looks, with the sign of what looks at the viewer.
@@ -23,23 +24,34 @@ def surface_map_figure(
     sites: Floats | None = None,
     lumps: Sequence[Sequence[float]] = (),
     width: float = WIDTHS["double"],
+    excluded: Sequence[Mapping[str, float | None]] = (),
 ) -> Any:
-    """Value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z [m]."""
-    figure, axes = figure_of(3, 2, width, 55.0)
+    """Value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z [m].
+
+    Lumps have their numbers in the view from above. With lumps that are excluded, their curve is in a row of its own.
+    """
+    figure, axes = figure_of(3, 3 if excluded else 2, width, 55.0)
     name, factor = display_unit(surface_map.unit)
     label = f"{surface_map.parameter.replace('_', ' ')} [{name}]"
     low, high = surface_map.limits
     value = (factor * surface_map.value, label, "viridis", (factor * low, factor * high))
     share = 100 * surface_map.std / surface_map.value
     rows = (value, (share, "standard deviation [%]", "magma", (float(share.min()), float(share.max()) * (1 + 1e-9))))
-    for row, (values, title, colours, limits) in zip(axes, rows, strict=True):
+    for row, (values, title, colours, limits) in zip(axes[:2], rows, strict=True):
         shown = [
             _draw(axis, surface_map, values, colours, limits, view) for axis, view in zip(row, _VIEWS, strict=True)
         ]
         for axis, view in zip(row, _VIEWS, strict=True):
             for place, mark in ((sites, "."), (np.array(lumps).reshape(-1, 3), "+")):
                 _mark(axis, place, mark, view)
+        for number, (x, y, _) in enumerate(lumps, 1):
+            place, shift = (1e3 * x, 1e3 * y), (3, 3)
+            row[0].annotate(f"{number}", place, shift, textcoords="offset points", color="red", fontsize="small")
         figure.colorbar(shown[-1], ax=row[-1], shrink=0.8, label=title)
+    if excluded:
+        draw_exclusion(axes[2, 0], excluded)
+        for axis in axes[2, 1:]:
+            axis.set_axis_off()
     return figure
 
 

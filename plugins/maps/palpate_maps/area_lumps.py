@@ -11,7 +11,7 @@ from palpate_maps.baseline_sites import Baseline, background_sites, prediction_p
 from palpate_maps.body_field import BodyFit, SiteField
 from palpate_maps.body_lumps import body_lump
 from palpate_maps.body_search import MAX_BODIES, explain, lump_members
-from palpate_maps.exclusion import excluded_lumps
+from palpate_maps.exclusion import Places, excluded_lumps, site_directions
 from palpate_maps.lump_criteria import FEWEST, Findings, LumpSettings
 from palpate_maps.lump_power import WIDTH
 from palpate_maps.site_lumps import is_visit, is_wide, lump_of_sites, neighbour_reach, stiff_groups
@@ -22,12 +22,12 @@ _NOWHERE = np.zeros((0, 2))
 _ROUNDS = 4  # of fits and of looks at what they leave: a choice, two are enough on most fields
 
 
-def lumps_of_area(sites: Sites, settings: LumpSettings) -> Findings:
+def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = None) -> Findings:
     """Return the lumps of an area: sites outside the prediction interval of the baseline, joined, and fitted.
 
     False discoveries are controlled. Background and bodies are then fitted together; what they leave may be further
     lumps, and a lump that the others and the background explain is dropped. A stiff part of the area that few bodies
-    do not explain is a lump by its sites alone.
+    do not explain is a lump by its sites alone. Lumps are excluded at places of the area, by default between the sites.
     """
     coarse = merge_sites(sites, settings.width)
     baseline = background_sites(coarse, settings.spread, settings.width)
@@ -44,7 +44,7 @@ def lumps_of_area(sites: Sites, settings: LumpSettings) -> Findings:
         baseline = baseline if wide else area.remainder(fit, np.arange(len(coarse)))[1]
         baseline = replace(baseline, mean=fit.level, spread=fit.noise)
     lumps = [lump for lump in lumps if lump.p <= settings.rate and lump.contrast >= settings.contrast]
-    excluded = excluded_lumps(area.field, baseline, lumps, settings)
+    excluded = excluded_lumps(area.field, site_directions(sites), baseline, lumps, settings, places)
     return Findings(
         tuple(lumps),
         float(np.exp(baseline.mean)),

@@ -10,39 +10,59 @@ from palpate import Floats
 from palpate_maps.baseline_sites import Baseline
 from palpate_maps.body_field import SiteField
 from palpate_maps.lump_criteria import FWHM, Lump, LumpPower, LumpSettings
-from palpate_maps.lump_power import EXCLUDED_PROBABILITY, WIDTHS
+from palpate_maps.lump_power import EXCLUDED_PROBABILITY, MAX_CONTRAST, WIDTHS
+from palpate_maps.sites import Sites
+
+Places = tuple[Floats, Floats]
+"""Places (m, k) [m] of an area, and the share (m,) of it that each stands for."""
 
 PLACES = 0.95  # share of these places
 # Choices of computing time.
 _MAX_PLACES = 400  # of virtual lumps, over the area
 _BISECTIONS = 18  # of the logarithm of a contrast, between the bounds
-_LOW, _HIGH = np.log(1e-3), np.log(1e2)  # of a contrast
+_TINY = 1e-12  # [m] least length of a step between sites
+_LOW, _HIGH = np.log(1e-3), np.log(MAX_CONTRAST)  # of a contrast
 
 
 def excluded_lumps(
-    field: SiteField, baseline: Baseline, lumps: Sequence[Lump], settings: LumpSettings
+    field: SiteField,
+    direction: Floats,
+    baseline: Baseline,
+    lumps: Sequence[Lump],
+    settings: LumpSettings,
+    area: Places | None = None,
 ) -> tuple[LumpPower, ...]:
-    """Return for each width the least contrast that is found with 0.95 at 95 % of the places between the sites.
+    """Return for each width the least contrast that is found with 0.95 at 95 % of the places of an area.
 
-    A virtual lump raises each site by log(1 + c g), g the mean of its Gaussian over the site's piece of the way, and is
-    found where a site exceeds the limit of the first discovery: P = 1 - product of Phi((limit - rise)/spread) over the
-    sites. Places are those of triangles between the sites, by their area, but for known lumps; infinite where more than
-    a twentieth of them are too far from every site.
+    A virtual lump raises each site by log(1 + c g), g the mean over the site's piece of the way of what the track makes
+    of its Gaussian (`TrackResponse.shape`, along directions (m, k) of the way), and is found where a site exceeds the
+    limit of the first discovery: P = 1 - product of Phi((limit - rise)/spread) over the sites. Places are those of an
+    area, by default of triangles between the sites, but for known lumps; infinite where more than a twentieth of them
+    are too far from every site.
     """
-    places, weight = _places_between(field.middle)
+    places, weight = _places_between(field.middle) if area is None else area
     for lump in lumps:
         apart = np.linalg.norm(places[:, :2] - np.array(lump.place), axis=1)
         weight = np.where(apart < max(lump.extent), 0.0, weight)
     if not len(places) or weight.sum() <= 0 or baseline.count < 2:
         return ()
     limit = site_limit(baseline, len(field.log), settings)
-    distance_squared = ((field.place[:, None] - places[None]) ** 2).sum(axis=2)
+    offset = field.place[:, None] - places[None]
     powers = []
     for width in WIDTHS:
-        shape = field.mean(np.exp(-0.5 * distance_squared / (width / FWHM) ** 2))
+        shape = field.mean(settings.response.shape(offset, direction[:, None], width / FWHM))
         contrast = _contrasts(shape, limit, baseline.spread)
         powers.append(LumpPower(_quantile(contrast, weight), width, EXCLUDED_PROBABILITY))
     return tuple(powers)
+
+
+def site_directions(sites: Sites) -> Floats:
+    """Return unit vectors (n, k) of the way at sites: to the nearer of the sites before and after; zeros of stays."""
+    step = np.diff(sites.place, axis=0)
+    before, after = np.vstack([step[:1], step]), np.vstack([step, step[-1:]])
+    lengths = np.linalg.norm([before, after], axis=2)
+    way, length = np.where(lengths[0] <= lengths[1], before.T, after.T).T, lengths.min(axis=0)
+    return np.where((sites.standing | (length <= 0))[:, None], 0.0, way / np.maximum(length, _TINY)[:, None])
 
 
 def site_limit(baseline: Baseline, count: int, settings: LumpSettings) -> float:
@@ -57,7 +77,7 @@ def site_limit(baseline: Baseline, count: int, settings: LumpSettings) -> float:
     return max(float(np.log1p(settings.contrast)), float(interval))
 
 
-def _places_between(middle: Floats) -> tuple[Floats, Floats]:
+def _places_between(middle: Floats) -> Places:
     """Return places (m, k) [m] in the triangles between sites (n, k), and the area (m,) that each stands for."""
     from scipy.spatial import Delaunay, QhullError
 

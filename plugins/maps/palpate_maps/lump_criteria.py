@@ -18,6 +18,33 @@ SweepMethod = Literal["prominence", "cusum"]
 
 
 @dataclass(frozen=True)
+class TrackResponse:
+    """The response of a track to a narrow lump: lower, later and longer along the way of the tip than the lump is."""
+
+    height: float = 1.0  # share of a wide lump's height
+    lag: float = 0.0  # [m] along the way, in its direction
+    blur: float = 0.0  # [m] standard deviation along the way
+
+    def share(self, sigma: float) -> float:
+        """Return the height of the response to a Gaussian lump of a standard deviation [m] and height 1."""
+        return float(self.height * sigma / np.hypot(sigma, self.blur))
+
+    def shape(self, offset: Floats, direction: Floats, sigma: float) -> Floats:
+        """Return the response (...) at offsets (..., k) [m] from the middle of a Gaussian lump of height 1.
+
+        h sigma/w exp(-(along - lag)^2/(2 w^2) - across^2/(2 sigma^2)), w^2 = sigma^2 + blur^2; where the tip stands,
+        with a direction (..., k) of zeros, h exp(-d^2/(2 sigma^2)).
+        """
+        along = (offset * direction).sum(axis=-1)
+        across_squared = (offset**2).sum(axis=-1) - along**2
+        is_moving = direction.any(axis=-1)
+        length = np.where(is_moving, np.hypot(sigma, self.blur), sigma)
+        late = np.where(is_moving, along - self.lag, 0.0)
+        gaussian = np.exp(-0.5 * (late**2 / length**2 + across_squared / sigma**2))
+        return np.asarray(self.height * sigma / length * gaussian)
+
+
+@dataclass(frozen=True)
 class LumpSettings:
     """The criteria of a lump."""
 
@@ -27,6 +54,7 @@ class LumpSettings:
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
     method: SweepMethod = "prominence"  # along a sweep
     contact_radius: float | None = None  # [m] of the tip, whose blur a body's own size is without; None: not known
+    response: TrackResponse = TrackResponse()  # of the track, to what an exam excludes
 
 
 @dataclass(frozen=True)
@@ -95,8 +123,14 @@ class Findings:
     curve: Floats | None = None  # (m,) [SI] smoothed along it
     power: LumpPower | None = None  # of a lump 10 mm wide, where it is known
     excluded: tuple[LumpPower, ...] = ()  # by width, what would have been found at nearly all places
+    response: TrackResponse | None = None  # of the track, to narrow lumps; None where the run does not show it
     lags: str | None = None  # the track, where it does not follow the changes along its path
     several: float | None = None  # share of the sites that the background is, where they are not one population
+
+    @property
+    def excluded_where(self) -> str:
+        """The places at which lumps are excluded, in words."""
+        return "away from both ends by a width" if self.coordinate is not None else "at 95 % of the places"
 
     @property
     def warning(self) -> str | None:
@@ -104,8 +138,8 @@ class Findings:
         doubts = []
         if self.lags is not None:
             doubts.append(
-                f"{self.lags} does not follow the changes along its path, as its verdict says (elsewhere): lumps are "
-                "doubtful, and none is excluded; use a filter that follows them, such as kinematic-smoother"
+                f"{self.lags} does not follow the changes along its path: its lumps are doubtful, and none is "
+                "excluded; use a filter that follows them, such as kinematic-smoother"
             )
         if self.several is not None:
             doubts.append(

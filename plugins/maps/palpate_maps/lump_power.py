@@ -8,6 +8,8 @@ from palpate_maps.lump_criteria import FWHM, LumpPower, LumpSettings
 
 WIDTHS = (4e-3, 6e-3, 8e-3, 10e-3, 15e-3, 20e-3)  # [m] at half their height, of virtual lumps
 EXCLUDED_PROBABILITY = 0.95  # of finding what an exam excludes: a choice, as of a risk
+MAX_CONTRAST = 100.0  # of a lump, beyond which none is excluded: a choice
+_TINY = 1e-12  # least share of a lump's height that a track shows
 _MIN_WIDTHS = 3  # of a lump in a sweep: its own, and a valley on both sides
 PROBABILITY = 0.8  # of seeing that lump (decision 0283): a choice, as of a test's power
 WIDTH = 10e-3  # [m] at half its height, of the lumps that powers are of: about as narrow as the contact leaves one
@@ -52,8 +54,13 @@ def sweep_power(std: float, length: float, settings: LumpSettings) -> LumpPower:
 
 
 def _least_contrast(std: float, length: float, settings: LumpSettings, width: float, more: float) -> float:
-    """Return the contrast of a lump of a width [m] whose peak exceeds the limit by so many standard deviations."""
-    sigma = width / FWHM
-    smoothed = sigma / np.hypot(sigma, settings.width / np.sqrt(12))
+    """Return the contrast of a lump of a width [m] whose peak exceeds the limit by so many standard deviations.
+
+    The track's response and the smoothing over a site lower its logarithm along the way; infinite beyond 100.
+    """
+    sigma, response = width / FWHM, settings.response
+    length_of_peak = np.hypot(np.hypot(sigma, response.blur), settings.width / np.sqrt(12))
+    share = float(response.height * sigma / length_of_peak)
     limit = peak_limit(std, max(length / settings.width, 2.0), settings)
-    return float(np.expm1((limit + more * std) / smoothed))
+    height = (limit + more * std) / max(share, _TINY)
+    return float(np.expm1(height)) if height < np.log1p(MAX_CONTRAST) else float("inf")

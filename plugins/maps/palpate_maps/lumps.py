@@ -8,13 +8,17 @@ from palpate import LogError
 
 from palpate_maps.area_lumps import lumps_of_area
 from palpate_maps.cusum import by_cusum
+from palpate_maps.exclusion import Places
 from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import FEWEST, Findings, LumpSettings
 from palpate_maps.sites import Sites, line_coordinate
 
 
-def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
-    """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
+def find_lumps(sites: Sites, settings: LumpSettings | None = None, places: Places | None = None) -> Findings:
+    """Return the lumps along a sweep where the sites lie on a line, else on the area that they cover.
+
+    Of an area, lumps are excluded at its places, by default those between the sites. Raises LogError for too few sites.
+    """
     settings = settings or LumpSettings()
     settings = replace(settings, spread=max(settings.spread, sites.relief))
     if len(sites) < FEWEST:
@@ -25,4 +29,4 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     if along is not None and not sites.standing.all():
         curve = curve_along(sites, along, settings)
         return by_cusum(curve, settings) if settings.method == "cusum" else by_prominence(curve, settings)
-    return lumps_of_area(sites, settings)
+    return lumps_of_area(sites, settings, places)

@@ -12,17 +12,19 @@ from palpate_maps.baseline_sites import (
     welch,
 )
 from palpate_maps.curve_sites import read_curve_sites
-from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, SweepMethod
+from palpate_maps.lump_criteria import FEWEST, Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import StiffnessMap, make_map
 from palpate_maps.next_places import Knowledge, Proposal, is_placed
 from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
+from palpate_maps.run_lumps import lumps_of_run
 from palpate_maps.search_area import Area, area_of
 from palpate_maps.search_progress import LumpProgress, footprint, update_progress
 from palpate_maps.sites import Sites, line_coordinate, sites_along
 from palpate_maps.surface_map import sites_on
 
 __all__ = [
+    "FEWEST",
     "Area",
     "Baseline",
     "Comparison",
@@ -44,6 +46,7 @@ __all__ = [
     "footprint",
     "is_placed",
     "line_coordinate",
+    "lumps_of_run",
     "make_map",
     "prediction_p",
     "read_curve_sites",

@@ -9,15 +9,19 @@ import numpy as np
 from palpate import Floats
 from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
+from palpate_kit.runs.exclusion_figure import draw_exclusion
 
 from palpate_maps.grid_cells import Cells, grid_steps
 from palpate_maps.hidden_patches import Hiding
 from palpate_maps.lump_criteria import Findings, Lump
+from palpate_maps.map_files import exclusion_table
 from palpate_maps.map_grid import StiffnessMap
 from palpate_maps.sites import Sites
 
 _PLOT_HEIGHT = 0.8  # of a picture's height, between the title and the label of the x axis
 _SCALE_WIDTH = 0.5  # of a picture's height: a scale with its label, and the label of the y axis
+_CURVE_WIDTH = 0.8  # of a picture's height: the curve of what is excluded, with its labels
+_SWEEP_RATIOS = (3, 1)  # of the widths of a sweep and of the curve of what it excludes
 _HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
 
 
@@ -27,32 +31,38 @@ def map_picture(
 ) -> Any:
     """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known.
 
+    Next to them are the lumps that the exam excludes.
     A red line surrounds what is significantly stiffer than the baseline.
     """
-    figure, axes = figure_of(2, height=60.0)
+    excluded = exclusion_table(findings) if findings is not None else []
+    figure, axes = figure_of(3 if excluded else 2, height=60.0)
     name, factor = display_unit(unit)
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
     fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
     fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
-    for axis, (values, title, colours) in zip(axes[0], fields, strict=True):
+    for axis, (values, title, colours) in zip(axes[0], fields, strict=False):
         shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
         figure.colorbar(shown, ax=axis, shrink=0.8)
         axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
         if field.stiff.any() and min(field.stiff.shape) > 1:
             axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
-        _mark_lumps(axis, findings, outlines)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
+        _mark_lumps(axis, findings, outlines, is_numbered=axis is axes[0, 0])
         axis.grid(False)
+    if excluded:
+        draw_exclusion(axes[0, 2], excluded)
     return figure
 
 
 @style()
-def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
-    """Return the patches that may still hide, per square centimetre, and the lumps that are known.
+def hiding_picture(
+    hiding: Hiding, cells: Cells, lumps: Sequence[Lump], excluded: Sequence[Mapping[str, float | None]] = ()
+) -> Any:
+    """Return the patches that may still hide, per square centimetre, the lumps that are known, and those excluded.
 
     `cells` has the column and row (m, 2) of each place at which one may hide.
     """
-    figure, axes = figure_of(height=70.0)
+    figure, axes = figure_of(2 if excluded else 1, height=70.0)
     axis, place = axes[0, 0], 1e3 * hiding.middles[:, :2]
     steps, lines = grid_steps(place, cells), [np.unique(along) for along in cells.T]
     # Every so many lines of the area's grid are shown, each as wide as from one to the next.
@@ -66,11 +76,14 @@ def hiding_picture(hiding: Hiding, cells: Cells, lumps: Sequence[Lump]) -> Any:
     lowest, highest = place.min(axis=0) - half_cell, place.max(axis=0) + half_cell
     extent = [lowest[0], highest[0], lowest[1], highest[1]]
     shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
-    # As wide as the area and its scale.
+    # As wide as the area and its scale, and the curve of what is excluded.
     width, height = (highest - lowest).tolist()
-    figure.set_figwidth(
-        min(figure.get_figwidth(), figure.get_figheight() * (_PLOT_HEIGHT * width / height + _SCALE_WIDTH))
-    )
+    area_width = _PLOT_HEIGHT * width / height + _SCALE_WIDTH
+    curve_width = _CURVE_WIDTH if excluded else 0.0
+    figure.set_figwidth(min(figure.get_figwidth(), figure.get_figheight() * (area_width + curve_width)))
+    if excluded:
+        axis.get_gridspec().set_width_ratios((area_width, curve_width))
+        draw_exclusion(axes[0, 1], excluded)
     figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=7, markeredgewidth=1.5)
@@ -85,15 +98,23 @@ def _edges(axis: Floats) -> tuple[float, float]:
     return float(axis[0] - half), float(axis[-1] + half)
 
 
-def _mark_lumps(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
+def _mark_lumps(axis: Any, findings: Findings | None, outlines: Sequence[Floats], is_numbered: bool) -> None:
+    """Draw outlines and a cross at each lump, with its number in the table of lumps and its p."""
+    from matplotlib.patheffects import withStroke
+
     for outline in outlines:
         axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
-    # Numbered in the order of the table of lumps, each with its p.
+    middle = sum(axis.get_xlim()) / 2
     for number, lump in enumerate(findings.lumps if findings else (), 1):
         x, y = (1e3 * coordinate for coordinate in lump.place)
         axis.plot(x, y, "r+", markersize=7, markeredgewidth=1.5)
+        if not is_numbered:
+            continue
+        # Towards the middle of the map, so that it is not cut off.
+        side, way = ("right", -4) if x > middle else ("left", 4)
         text = f"{number}: p {lump.p:.0e}"
-        axis.annotate(text, (x, y), (3, 3), textcoords="offset points", color="red", fontsize="x-small", clip_on=True)
+        label = axis.annotate(text, (x, y), (way, 4), textcoords="offset points", ha=side, fontsize="x-small")
+        label.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
 @style()
@@ -104,8 +125,15 @@ def sweep_picture(
     findings: Findings | None,
     points: tuple[Floats, Sites] | None = None,
 ) -> Any:
-    """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations."""
-    figure, axes = figure_of(height=70.0)
+    """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations.
+
+    Next to them are the lumps that the sweep excludes.
+    """
+    excluded = exclusion_table(findings) if findings is not None else []
+    figure, axes = figure_of(2 if excluded else 1, height=70.0)
+    if excluded:
+        axes[0, 0].get_gridspec().set_width_ratios(_SWEEP_RATIOS)
+        draw_exclusion(axes[0, 1], excluded)
     axis, (name, factor) = axes[0, 0], display_unit(unit)
     for track, (along, sites) in series.items():
         order = np.argsort(along)

@@ -77,7 +77,9 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
         "spread": findings.spread,
         "warning": findings.warning,
         "power": None if findings.power is None else _power(findings.power),
-        "excluded": [_power(power) for power in findings.excluded],
+        "excluded": exclusion_table(findings),
+        "excluded_where": findings.excluded_where,
+        "response": None if findings.response is None else vars(findings.response),
         "lumps": [
             {
                 "x": lump.place[0],
@@ -97,6 +99,11 @@ def lumps_json(findings: Findings, path: Path2D) -> str:
         ],
     }
     return json.dumps(table, indent=2, allow_nan=False) + "\n"
+
+
+def exclusion_table(findings: Findings) -> list[dict[str, float | None]]:
+    """Return by width the lumps that an exam excludes; no contrast where none as wide is."""
+    return [_power(power) for power in findings.excluded]
 
 
 def _power(power: LumpPower) -> dict[str, float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint, surface_of, surface_points
 from palpate_engine import Pipeline, ask_devices
 
-from palpate_maps.grid_cells import Cells
+from palpate_maps.grid_cells import Cells, thinned
 from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
@@ -21,6 +22,7 @@ _SPECIMEN = "the specimen"
 _BEYOND = 30e-3  # [m] that a search goes beyond what is known, at most, where only the rig knows the specimen
 _STEP = 1.5e-3  # [m] between places that are asked for
 _MAX_STEPS = 54  # of them along each side
+_MAX_PLACES = 400  # about, of virtual lumps that an exam may exclude: a choice of computing time
 _ROUNDING = 1e-9  # [m] by which a place may lie outside of a border
 # A choice of time: most places that a device takes, it takes together.
 _FEW = 8  # places that are asked for one by one, where one of them is refused
@@ -36,6 +38,13 @@ class Area:
     _allows: Callable[[Floats], NDArray[np.bool_]]
     share: float = 1.0  # of its grid that may be visited; over a surface, of the skin
     skin: SearchSkin | None = None  # at the nodes, over a surface
+
+    @property
+    def places(self) -> tuple[Floats, Floats]:
+        """Some of its nodes (m, k) [m], evenly, and the area (m,) that each stands for, relative."""
+        stride = math.ceil(math.sqrt(len(self.nodes) / _MAX_PLACES))
+        rows = thinned(self.cells, (stride, stride))
+        return self.nodes[rows], np.ones(len(rows)) if self.skin is None else self.skin.stretch[rows]
 
     def allows(self, places: Floats) -> NDArray[np.bool_]:
         """(n,) whether places (n, 2) [m] may be visited."""

@@ -59,7 +59,7 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
     deviation of neighbouring samples is that of one of them, since a filter's errors are alike over many samples. The
     first second of a filter's estimates does not count.
     """
-    standing = _standing(path)
+    standing = ~way_directions(path.time, path.place).any(axis=1)
     # A new stretch wherever the tip stops, starts or pauses, and in it a site for each piece of the way.
     step = np.r_[0.0, np.linalg.norm(np.diff(path.place, axis=0), axis=1)]
     pauses = np.r_[True, np.diff(path.time) > _PAUSE]
@@ -132,16 +132,21 @@ def _widening(path: Path2D) -> float:
     return float(np.sqrt(max(path.nis, 1.0)))
 
 
-def _standing(path: Path2D) -> NDArray[np.bool_]:
-    """(n,) True where the tip goes less than half a millimetre a second, looking a quarter of a second each way."""
+def way_directions(time: Floats, place: Floats) -> Floats:
+    """Return unit vectors (n, 2) of the tip's way at times (n,) [s] and places (n, 2) [m]; zeros where it stands.
+
+    It stands where it goes less than half a millimetre a second, looking a quarter of a second each way.
+    """
     # First and last estimate of the stretch that each is in, beyond which nothing is interpolated.
-    begins = np.flatnonzero(np.r_[True, np.diff(path.time) > _PAUSE])
-    ends = np.r_[begins[1:], len(path.time)] - 1
-    stretch = np.searchsorted(begins, np.arange(len(path.time)), side="right") - 1
-    early = np.maximum(path.time - _WINDOW / 2, path.time[begins][stretch])
-    late = np.minimum(path.time + _WINDOW / 2, path.time[ends][stretch])
-    moved = [np.interp(late, path.time, along) - np.interp(early, path.time, along) for along in path.place.T]
-    return np.asarray(np.hypot(*moved) < _STANDING_SPEED * np.maximum(late - early, _MIN_WINDOW))
+    begins = np.flatnonzero(np.r_[True, np.diff(time) > _PAUSE])
+    ends = np.r_[begins[1:], len(time)] - 1
+    stretch = np.searchsorted(begins, np.arange(len(time)), side="right") - 1
+    early = np.maximum(time - _WINDOW / 2, time[begins][stretch])
+    late = np.minimum(time + _WINDOW / 2, time[ends][stretch])
+    moved = np.column_stack([np.interp(late, time, along) - np.interp(early, time, along) for along in place.T])
+    length = np.hypot(*moved.T)
+    standing = length < _STANDING_SPEED * np.maximum(late - early, _MIN_WINDOW)
+    return np.where(standing[:, None], 0.0, moved / np.where(standing, 1.0, length)[:, None])
 
 
 def _smoothed_way(path: Path2D, step: Floats) -> Floats:

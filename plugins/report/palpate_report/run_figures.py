@@ -9,6 +9,7 @@ from palpate import Floats
 from palpate_kit.figures import figure_of, label_forces, legend_outside, quartiles, style
 
 from palpate_report.estimates_figure import estimates
+from palpate_report.exclusion import exclusion
 from palpate_report.figure_data import Curves, swept, thin_rows
 from palpate_report.figure_subject import MOST, ReportFigure, Subject, pair
 from palpate_report.innovations_figure import innovations
@@ -125,6 +126,7 @@ PICTURES: dict[str, Callable[[Subject], ReportFigure | None]] = {
     "estimates": estimates,
     "innovations": innovations,
     "map": draw_map,
+    "exclusion": exclusion,
 }
 
 

@@ -11,7 +11,7 @@ from palpate_engine import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
 from palpate_kit.runs.document_table import document_table
 from palpate_kit.runs.result_file import estimate_of
-from palpate_kit.runs.skin_grid import read_lumps
+from palpate_kit.runs.skin_grid import read_lump_findings, read_lumps
 from palpate_kit.terminal.comparison_table import comparison_table
 from palpate_kit.terminal.quantities import number_with_unit
 from palpate_kit.terminal.result_screen import LEGEND
@@ -86,6 +86,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         sections=sections,
         last=_last_rows(record) if record.why_not is not None else [],
         lumps=read_lumps(record.folder.maps),
+        exam=read_lump_findings(record.folder.maps),
         skin=skin_view(subject) if "map" in pictures else None,
         calibration=veil.tree(calibration) if veil else calibration,
         facts=_facts(document.get("run", {})),

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
-from palpate import ConfigurationError, Floats, LogError, PalpateError
+from palpate import ConfigurationError, Floats, LogError
 from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import TrackOption
@@ -57,11 +56,8 @@ def lumps(
             contrast,
             width=length(width, "--width"),
             method=method,  # type: ignore[arg-type]
-            contact_radius=_contact_radius(run, path.track),
         )
-        findings = maps.find_lumps(sites, settings)
-        if path.lags:
-            findings = replace(findings, power=None, excluded=(), lags=path.track)
+        findings = maps.lumps_of_run(run, path, sites, settings)
     text = map_files.lumps_json(findings, path)
     map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.source, unit_of(run, path.track, path.parameter)))
@@ -89,16 +85,16 @@ def _view(findings: Findings, source: str, unit: str) -> str:
             f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "
             f"probability of {power.probability:g}"
         )
-    return "\n".join([*lines, *_exclusion(findings)])
+    return "\n".join([*lines, *exclusion_lines(findings)])
 
 
-def _exclusion(findings: Findings) -> list[str]:
+def exclusion_lines(findings: Findings) -> list[str]:
     """Return the lumps that the exam excludes, by width, as lines; none where that is not known."""
-    if not findings.excluded:
+    if findings.lags is not None or not findings.excluded:
         return []
-    where = (
-        "away from both ends by a width" if findings.coordinate is not None else "at 95 % of the places between sites"
-    )
+    if not any(math.isfinite(power.contrast) for power in findings.excluded):
+        return ["nothing is excluded: more than 5 % of the places are too far from every site"]
+    where = findings.excluded_where
     lines = [f"excluded with a probability of {findings.excluded[0].probability:g}, {where}, besides these:"]
     contrasts = [f"{100 * power.contrast:.2g}" if math.isfinite(power.contrast) else "-" for power in findings.excluded]
     rows = {
@@ -120,21 +116,6 @@ def _width_text(lump: Lump) -> str:
     if len(set(sizes)) == 1:
         return _with_std(sizes[0], None if lump.width_std is None else lump.width_std * sizes[0])
     return " x ".join(_with_std(size, None) for size in sizes)
-
-
-def _contact_radius(run: Path, track: str) -> float | None:
-    """Return the radius [m] of the contact at the bias of the run's press; None where it has no such motion or tip."""
-    from palpate_kit.runs.continuation import recorded_pipeline
-
-    try:
-        pipeline = recorded_pipeline(run)
-    except PalpateError:
-        return None
-    tip = getattr(pipeline.models.get(track.split("/")[0]), "indenter", None)
-    depths = [
-        press.bias for motion in pipeline.trajectories.values() if (press := getattr(motion, "press", None)) is not None
-    ]
-    return float(tip.contact_radius(depths[0])) if tip is not None and depths else None
 
 
 def compare(

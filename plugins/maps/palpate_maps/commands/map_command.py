@@ -77,7 +77,8 @@ def map_run(
         along = None if sites.standing.all() else maps.line_coordinate(sites)
         findings = None
         with suppress(LogError):  # too few sites for lumps are enough for a map
-            findings = maps.find_lumps(sites if skin is None or along is not None else maps.sites_on(sites, skin))
+            shown = sites if skin is None or along is not None else maps.sites_on(sites, skin)
+            findings = maps.find_lumps(shown) if of_curves else maps.lumps_of_run(run, path, shown)
         made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
         if along is not None:
             name, sentence, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
@@ -189,7 +190,8 @@ def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
     found = make_surface_map(sites, surface, cell, path.parameter, made.unit)
     lumps = made.findings.lumps if made.findings else ()
     places = [(*lump.place, lump.height) for lump in lumps if lump.height is not None]
-    image = surface_map_figure(found.map, sites_on(sites, surface).place, places)
+    excluded = map_files.exclusion_table(made.findings) if made.findings else []
+    image = surface_map_figure(found.map, sites_on(sites, surface).place, places, excluded=excluded)
     table = surface_map_csv(found)
     name = map_files.free_name(folder, "map", table)
     map_files.replace_file(folder / f"{name}.csv", table)

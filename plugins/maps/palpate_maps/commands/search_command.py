@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -15,11 +15,12 @@ from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, TrackOption, UnchangedOption
 from palpate_kit.terminal.progress import progress, report_progress
 
+from palpate_maps.commands.lumps_command import exclusion_lines
 from palpate_maps.commands.map_command import Parameter, Run, length
 
 if TYPE_CHECKING:
     from palpate_maps.area_search import AreaSearch, SearchSettings
-    from palpate_maps.map_analysis import LumpProgress, Proposal
+    from palpate_maps.map_analysis import Findings, LumpProgress, Proposal
     from palpate_maps.search_area import Box
     from palpate_maps.search_motion import SearchMotion
 
@@ -72,7 +73,7 @@ def search(
             rounds.visit_all(budget)
         else:
             _show(rounds.propose())
-        _tell_hiding(rounds.state, run)
+        _tell_hiding(rounds.state, run, rounds.findings())
     if rounds.state.warning:
         typer.echo(f"warning: {rounds.state.warning}", err=True)
     if as_json:
@@ -124,6 +125,19 @@ class _SearchRounds:
         if self.motion >= budget:
             return f"{budget:g} s of motion are spent"
         return f"{_MAX_ROUNDS} rounds are made" if len(self.rounds) > _MAX_ROUNDS else None
+
+    def findings(self) -> Findings | None:
+        """Write the lumps with what is excluded in the area, and return them; None where all sites are on one line."""
+        from palpate_maps import map_analysis as maps, map_files
+
+        path, area = maps.read_path(self.run, self.track, self.parameter), self.state.area
+        sites = maps.sites_along(path)
+        if maps.line_coordinate(sites) is not None or len(sites) < maps.FEWEST:
+            return None
+        sites = replace(sites, place=area.lift(sites.place))
+        findings = maps.lumps_of_run(self.run, path, sites, None, area.places)
+        map_files.replace_file(RunFolder(self.run).maps / "lumps.json", map_files.lumps_json(findings, path))
+        return findings
 
     @property
     def document(self) -> dict[str, Any]:
@@ -204,8 +218,8 @@ def _percent(state: AreaSearch) -> str:
     return f"{percent:.2g} %" if percent < 99.5 else "more than 99 %"
 
 
-def _tell_hiding(state: AreaSearch, run: Path) -> None:
-    """The statement of what may remain, and the map of where."""
+def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> None:
+    """Print what may remain and what is excluded, and draw the map of where."""
     from palpate_maps import map_files
     from palpate_maps.hidden_patches import EXPECTED
     from palpate_maps.map_figures import hiding_picture
@@ -213,7 +227,9 @@ def _tell_hiding(state: AreaSearch, run: Path) -> None:
     hiding, patch, folder = state.hiding, state.settings.patch, RunFolder(run).maps
     assert hiding is not None
     map_files.replace_file(folder / "hidden.csv", map_files.hiding_csv(hiding))
-    save_figure(hiding_picture(hiding, state.cells, [item.lump for item in state.lumps]), folder / "hidden.png")
+    excluded = map_files.exclusion_table(findings) if findings is not None else []
+    picture = hiding_picture(hiding, state.cells, [item.lump for item in state.lumps], excluded)
+    save_figure(picture, folder / "hidden.png")
     least = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
     besides = "besides these" if state.lumps or state.patches else "in the area"
     typer.echo(
@@ -222,6 +238,8 @@ def _tell_hiding(state: AreaSearch, run: Path) -> None:
     )
     if state.area.share < 1:
         typer.echo(f"  {100 * (1 - state.area.share):.2g} % of {state.area.bounded_by} cannot be visited; not included")
+    lines = exclusion_lines(findings) if findings is not None else ["nothing is excluded: the sites are on one line"]
+    typer.echo("\n".join(lines))
 
 
 def _where(item: LumpProgress) -> str:
