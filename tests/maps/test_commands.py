@@ -84,6 +84,23 @@ def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("track", "least"), [("dr/smoother", 0.9), ("dr/ekf", 0.0)])
+def test_a_track_excludes_by_its_own_response(palpate, sweep_run, tmp_path, track, least):
+    """The paper's filter follows no narrow lump: it excludes nothing, and its lumps are doubtful."""
+    run = shutil.copytree(sweep_run, tmp_path / "run")
+    done = palpate("map", "lumps", run, "--track", track)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((run / "maps" / "lumps.json").read_text())
+    follows = least > 0
+    assert (found["response"]["height"] > least) if follows else (found["response"]["height"] < 0.5)
+    assert bool(found["excluded"]) == follows
+    assert ("does not follow the changes" in done.stderr) != follows
+    page = tmp_path / "run.html"
+    assert palpate("report", run, "-o", page).returncode == 0
+    assert ("Nothing is excluded" in page.read_text("utf-8")) != follows
+
+
+@pytest.mark.slow
 def test_a_raster_gives_a_map(palpate, raster_run):
     done = palpate("map", raster_run, "--cell", "2 mm", "--svg")
     assert done.returncode == 0, done.stderr

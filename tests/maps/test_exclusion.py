@@ -4,15 +4,16 @@ import json
 
 import numpy as np
 import pytest
+from palpate_maps.exclusion import site_directions
 from palpate_maps.line_peaks import by_prominence, curve_along
-from palpate_maps.lump_criteria import FWHM, Findings, LumpPower, LumpSettings
+from palpate_maps.lump_criteria import FWHM, Findings, LumpPower, LumpSettings, TrackResponse
 from palpate_maps.lump_power import EXCLUDED_PROBABILITY
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_files import lumps_json
 from palpate_maps.path_reader import Path2D
 
 from tests.maps.test_bodies import points
-from tests.maps.test_lumps import sweep
+from tests.maps.test_lumps import area, sweep
 
 
 def empty(seed=0, noise=0.006, pitch=5e-3):
@@ -73,3 +74,45 @@ def test_a_contrast_that_none_would_have_is_null():
 
 def test_a_track_that_lags_is_doubted():
     assert "does not follow the changes" in Findings((), 1e5, 0.01, "x", lags="dr/ekf").warning
+
+
+def test_the_way_of_a_raster_alternates_and_stays_have_none():
+    lines = area(np.random.default_rng(0), [])
+    direction = site_directions(lines)
+    np.testing.assert_allclose(direction[:61], np.tile([1.0, 0.0], (61, 1)), atol=1e-9)
+    np.testing.assert_allclose(direction[62:121], np.tile([-1.0, 0.0], (59, 1)), atol=1e-9)
+    assert not site_directions(empty()).any()
+
+
+@pytest.mark.parametrize("width", [4e-3, 8e-3])
+def test_the_response_is_that_of_a_filter_along_the_way(width):
+    """A Gaussian that a Gaussian kernel blurs and shifts along x is as high, as wide and as late as stated."""
+    response, sigma = TrackResponse(0.9, 1e-3, 2e-3), width / FWHM
+    x = np.linspace(-0.03, 0.03, 601)
+    lump = np.exp(-0.5 * (x / sigma) ** 2)
+    kernel = np.exp(-0.5 * ((x - 1e-3) / 2e-3) ** 2)
+    blurred = 0.9 * np.convolve(lump, kernel / kernel.sum(), "same")
+    line = np.column_stack([x, np.zeros_like(x)])
+    shape = response.shape(line, np.tile([1.0, 0.0], (len(x), 1)), sigma)
+    np.testing.assert_allclose(shape, blurred, atol=5e-3)
+    assert shape.max() == pytest.approx(response.share(sigma), rel=1e-3)
+    assert response.shape(np.zeros(2), np.zeros(2), sigma) == pytest.approx(0.9)  # the tip stands: no way, no lag
+
+
+@pytest.mark.parametrize("sites", [area(np.random.default_rng(0), []), sweep(np.random.default_rng(0), [])])
+def test_a_slow_track_excludes_less_of_narrow_lumps(sites):
+    ideal, slow = (find_lumps(sites, LumpSettings(response=r)) for r in (TrackResponse(), TrackResponse(0.8, 0, 4e-3)))
+    assert slow.excluded[0].contrast > 1.8 * ideal.excluded[0].contrast
+    assert slow.excluded[-1].contrast > 1.1 * ideal.excluded[-1].contrast
+    blind = find_lumps(sites, LumpSettings(response=TrackResponse(height=0.0)))
+    assert all(power.contrast == np.inf for power in blind.excluded)
+
+
+def test_of_an_area_its_places_count():
+    """Half of the area was not visited: nothing is excluded in it, though all is between the sites."""
+    sites = empty()
+    between = np.stack(np.meshgrid([-0.02, 0.0, 0.02], [-0.01, 0.01]), axis=-1).reshape(-1, 2)
+    inside = find_lumps(sites, None, (between, np.ones(6))).excluded
+    assert inside[2].contrast < 0.2
+    beyond = np.vstack([between, between + np.array([0.1, 0.0])])
+    assert all(power.contrast == np.inf for power in find_lumps(sites, None, (beyond, np.ones(12))).excluded)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError, contact_force
 from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Sphere, StandardLinearSolid
 from palpate_models.thickness import Thickness
 from palpate_spectra.complex_moduli import answer
@@ -46,6 +47,34 @@ def test_a_large_amplitude_takes_the_radius_of_the_whole_cycle(amplitude, change
     line = answer(recording, [5.0]).lines[0]
     assert line.area / line.amplitude / math.sqrt(5e-3 * 4e-3) - 1 == pytest.approx(change, abs=5e-4)
     assert line.shear == pytest.approx(E / 3 + 10j * np.pi * ETA, rel=1e-6)
+
+
+def with_approach(seconds=12.0, approach=1.0, rise=1.5, seed=4):
+    """A recording of three sines that begins with the approach: down to 4 mm, then sines that grow smoothly."""
+    time = np.arange(int(seconds * rig.RATE)) / rig.RATE
+    down = 4e-3 * np.clip(time / approach, 0.02, 1) ** 0.8
+    share = np.clip((time - approach) / rise, 0, 1)
+    sines = sum(a * np.sin(2 * np.pi * f * (time - approach)) for f, a in SINES.items())
+    depth = down + (3 * share**2 - 2 * share**3) * sines
+    speed = np.gradient(depth, time)
+    force = contact_force(SOFT, depth, speed, (E, ETA)) + rig.MASS * np.gradient(speed, time)
+    return rig.made(SOFT, time, depth, force, seed)
+
+
+@pytest.mark.parametrize("frequencies", [None, list(SINES)])
+def test_an_approach_and_a_smooth_start_are_left_out(frequencies):
+    found = answer(with_approach(), frequencies)
+    assert [line.frequency for line in found.lines] == pytest.approx(list(SINES), abs=2e-3)
+    assert len(found.recorded.time) > 4000
+    for line in found.lines:
+        truth = E / 3 + 2j * np.pi * line.frequency * ETA
+        assert abs(line.shear.real - truth.real) < 4 * line.std(of="storage") + 1e-3 * truth.real
+        assert abs(line.shear.imag - truth.imag) < 4 * line.std(of="loss") + 2e-3 * abs(truth)
+
+
+def test_frequencies_that_the_motion_does_not_have_are_refused():
+    with pytest.raises(ConfigurationError, match=r"--frequencies: sines at 0.7, 3 Hz explain \d"):
+        answer(with_approach(), [0.7, 3.0])
 
 
 @pytest.mark.slow

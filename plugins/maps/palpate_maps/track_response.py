@@ -12,45 +12,57 @@ from palpate_kit.runs.replay_source import read_run_log, replay_source
 
 from palpate_maps.lump_criteria import FWHM, TrackResponse
 from palpate_maps.sites import way_directions
-from palpate_maps.stiffness_field import distances
+from palpate_maps.stiffness_field import distances, near
 
 # Choices of decision 0577.
 SIGMA = 6e-3 / FWHM  # [m] of the virtual lumps: about as narrow as the contact leaves one
 _CONTRAST = 0.1  # near what an exam excludes, so that an estimator adapts to it as to a lump at the limit
 _APART = 20e-3  # [m] between virtual lumps, whose flanks then do not meet
 _REACH = 12e-3  # [m] about a virtual lump in which its response is looked for: lags of a filter
+_MIN_SAMPLES = 100  # about virtual lumps, that show a response: a choice
+_FAR = 1e3  # [m] in place of a coordinate that is not known
 _MAX_SAMPLES = 400_000  # of a record, that the estimator runs on: a choice of computing time
 _MAX_POINTS = 4000  # samples, evenly, that the response is fitted on: a choice of computing time
 _MAX_LAG = 10e-3  # [m]: half of the distance of virtual lumps
+_MAX_HEIGHT = 2.0  # of a response over the lump's: an estimator that overshoots
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
 
 def track_response(run: Path, track: str, parameter: str) -> TrackResponse | None:
-    """Return the response of a run's track to narrow lumps; None of a run without a log, or that cannot be read.
-
-    The force of the record is raised by 1 + s(x, y), s virtual lumps that lie below the way of the tip: what a contact
-    measures whose stiffness and viscosity are higher by s. The track estimates with and without them, so that noise and
-    relief are in both; the difference of the logarithms is fitted by lumps that are lower, later and longer along the
-    way.
-    """
+    """Return the response of a run's track to narrow lumps; None of a run without a log, or that cannot be read."""
     try:
         carried = read_run_log(run)
         if carried is None:
             return None
         pipeline = build_pipeline(replay_source(carried, [track]))
-        samples = _samples_of(pipeline)[:_MAX_SAMPLES]
-        middles = _middles(samples)
-        if not len(middles):
-            return None
-        shape = np.exp(-0.5 * (distances(samples.lateral, middles) / SIGMA) ** 2)
-        shape = np.where(np.isfinite(shape), shape, 0.0).sum(axis=1)
-        plain, raised = (_estimates(pipeline, samples, height) for height in (0.0 * shape, _CONTRAST * shape))
+        return response_of(pipeline, _samples_of(pipeline), parameter)
     except PalpateError:
         return None
+
+
+def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackResponse | None:
+    """Return the response of a pipeline's one track on samples; None where it estimates nothing below virtual lumps.
+
+    The force is raised by 1 + s(x, y), s virtual lumps that lie below the way of the tip: what a contact measures whose
+    stiffness and viscosity are higher by s. The track estimates with and without them, so that noise and relief are in
+    both; the difference of the logarithms is fitted by lumps that are lower, later and longer along the way.
+    """
+    samples = samples[:_MAX_SAMPLES]
+    middles = _middles(samples)
+    if not len(middles):
+        return None
+    shape = np.exp(-0.5 * (distances(samples.lateral, middles) / SIGMA) ** 2)
+    shape = np.where(np.isfinite(shape), shape, 0.0).sum(axis=1)
     names = [known.name for known in pipeline.tracks[0].model.parameters]
-    before, after = (_usable_values(estimates, names.index(parameter)) for estimates in (plain, raised))
-    rows = np.isfinite(before) & np.isfinite(after) & np.isfinite(samples.lateral).all(axis=1)
-    return _fitted(samples[rows], middles, np.log(after[rows] / before[rows])) if rows.any() else None
+    values = []
+    for height in (0.0, _CONTRAST):
+        (running,) = start_tracks(pipeline)
+        estimates = running.tracker.run(replace(samples, force=samples.force * (1 + height * shape)))
+        values.append(_usable_values(estimates, names.index(parameter)))
+    rows = np.isfinite(values).all(axis=0) & near(np.nan_to_num(samples.lateral, nan=_FAR), middles, _REACH)
+    if np.count_nonzero(rows) < _MIN_SAMPLES:
+        return None
+    return _fitted(samples[rows], middles, np.log(values[1][rows] / values[0][rows]))
 
 
 def _samples_of(pipeline: Pipeline) -> Samples:
@@ -62,12 +74,6 @@ def _samples_of(pipeline: Pipeline) -> Samples:
             raise KeyboardInterrupt
     blocks += [aligner.samples(), aligner.samples(final=True)]
     return Samples.joined(blocks)
-
-
-def _estimates(pipeline: Pipeline, samples: Samples, height: Floats) -> Estimates:
-    """Return the estimates of a pipeline's track on samples whose force is raised by a share (n,)."""
-    (running,) = start_tracks(pipeline)
-    return running.tracker.run(replace(samples, force=samples.force * (1 + height)))
 
 
 def _usable_values(estimates: Estimates, column: int) -> Floats:
@@ -92,21 +98,19 @@ def _middles(samples: Samples) -> Floats:
 
 
 def _fitted(samples: Samples, middles: Floats, difference: Floats) -> TrackResponse:
-    """Return height, lag and blur of the least squares of differences (n,) of a track's logarithms."""
+    """Return height, lag and blur of the least squares of differences (n,) of a track's logarithms near middles."""
     from scipy.optimize import least_squares
 
-    apart = distances(samples.lateral, middles)
-    nearest = np.argmin(apart, axis=1)
-    rows = np.flatnonzero(apart.min(axis=1) < _REACH)
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _MAX_POINTS)).astype(int))]
+    rows = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), _MAX_POINTS)).astype(int))
     direction = way_directions(samples.time, samples.lateral)[rows]
-    offset = samples.lateral[rows] - middles[nearest[rows]]
+    nearest = np.argmin(distances(samples.lateral[rows], middles), axis=1)
+    offset = samples.lateral[rows] - middles[nearest]
 
     def residual(unknowns: Floats) -> Floats:
         response = TrackResponse(*unknowns.tolist())
         return np.asarray(difference[rows] - np.log1p(_CONTRAST * response.shape(offset, direction, SIGMA)))
 
-    low, high = [0.0, -_MAX_LAG, 0.0], [2.0, _MAX_LAG, _MAX_LAG]
-    scale = [1.0, 1e-3, 1e-3]
-    optimum = least_squares(residual, [1.0, 0.0, 1e-3], bounds=(low, high), x_scale=scale)
+    low, high = [0.0, -_MAX_LAG, 0.0], [_MAX_HEIGHT, _MAX_LAG, _MAX_LAG]
+    start, scale = [1.0, 0.0, 1e-3], [1.0, 1e-3, 1e-3]
+    optimum = least_squares(residual, start, bounds=(low, high), x_scale=scale)
     return TrackResponse(*optimum.x.tolist())

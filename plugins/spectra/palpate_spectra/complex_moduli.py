@@ -14,7 +14,8 @@ from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_spectra.frequency_sweep import pieces
 from palpate_spectra.recorded_oscillation import RecordedOscillation
-from palpate_spectra.spectral_lines import LineFit, fit_lines, lines_of
+from palpate_spectra.sine_stretch import sine_stretch
+from palpate_spectra.spectral_lines import LineFit, fit_lines
 
 _STEP = 1e-3  # of a number, for derivatives by differences
 _FORCE, _DEPTH, _AREA, _OTHER = range(4)  # channels; the last is the area if the skin were higher by its uncertainty
@@ -93,7 +94,10 @@ def area(model: ContactModel, depth: Floats) -> Floats:
 
 
 def answer(recorded: RecordedOscillation, frequencies: Sequence[float] | None = None) -> RecordingModuli:
-    """G* at the frequencies [Hz] of a motion, found in it unless they are given.
+    """Return G* at the frequencies [Hz] of a motion, found in it unless they are given.
+
+    An approach and a smooth start before the sines are left out. Raises ConfigurationError where sines of given
+    frequencies do not explain the motion.
 
     F = 4/(1 - nu) int G(t - s) dA(d(s)) is linear in the area A (Lee and Radok 1960; Popov and Hess 2015), so that
     G*(w) = (1 - nu)/4 F^(w)/A^(w), with the phasors of the contact force and of the area along the measured depth. For
@@ -101,11 +105,14 @@ def answer(recorded: RecordedOscillation, frequencies: Sequence[float] | None = 
     they make of each other. Before that the compliance C_s of arm and sensor comes off the depth, d = d_arm - C_s u,
     and then the inertia off the force, F = u - m d''.
     """
+    stretch = sine_stretch(recorded.time, recorded.height, frequencies)
+    if stretch is not None:
+        recorded = recorded.cut(stretch[0])
     depth = recorded.surface - recorded.height - recorded.compliance * recorded.force
     deeper = area(recorded.model, depth + recorded.surface_std)
     channels = np.column_stack([recorded.force, depth, area(recorded.model, depth), deeper])
-    lines = np.array(sorted(frequencies)) if frequencies else lines_of(recorded.time, recorded.height)
-    if lines is not None:
+    if stretch is not None:
+        lines = stretch[1]
         found, other = fit_lines(recorded.time, channels, lines)
         pairs = zip(_split(found), np.zeros(len(lines)), strict=True)
         return RecordingModuli(recorded, tuple(_line(recorded, one, bend) for one, bend in pairs), other, False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,10 @@ class RecordedOscillation:
     timing: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
     uncertainties: Mapping[str, Any] = field(default_factory=dict)  # declared, by key of the model
     flags: tuple[Flag, ...] = ()
+
+    def cut(self, rows: slice) -> RecordedOscillation:
+        """Return some of its rows."""
+        return replace(self, time=self.time[rows], force=self.force[rows], height=self.height[rows])
 
 
 def read_oscillation(path: Path, track: str | None, surface: float | None = None) -> RecordedOscillation:

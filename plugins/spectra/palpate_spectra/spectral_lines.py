@@ -15,7 +15,7 @@ Phasors = NDArray[np.complex128]
 _MOST = 12  # lines of one motion
 _WEAK = 0.02  # of the largest amplitude; fainter sines of the motion are not lines
 _CLEAR = 100.0  # power of a line over that of the motion's noise around it
-_EXPLAINED = 0.98  # of the motion's power; less is not a sum of sines
+LEAST_EXPLAINED = 0.98  # of the motion's power; less is not a sum of sines
 _LOWEST = 1.5  # periods in the record
 _TREND = 0.4  # of the lowest line's frequency; what is slower is the drift of tip, sensor and material
 _BINS = 40  # of the spectrum around a line in which its noise is measured
@@ -54,7 +54,7 @@ def lines_of(time: Floats, height: Floats) -> Floats | None:
             return None
         left = height - (design := columns_of(t, found)) @ _solved(design, height)
     explained = 1.0 - float(left @ left) / max(power, 1e-300)
-    return np.array(sorted(found)) if found and explained > _EXPLAINED and _apart(found, t) else None
+    return np.array(sorted(found)) if found and explained > LEAST_EXPLAINED and _apart(found, t) else None
 
 
 def _apart(found: Sequence[float], t: Floats) -> bool:

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,6 +32,9 @@ _COLUMNS = (
     "E_storage_Pa", "E_storage_std_Pa", "E_loss_Pa", "E_loss_std_Pa", "tan_delta", "tan_delta_std", "noise_std_Pa",
     "noise_freedom",
 )  # fmt: skip
+
+
+_SPARE = 3  # columns that a narrow screen leaves out: the amplitude, and E, which is a multiple of G
 
 
 def spectrum(
@@ -83,25 +87,27 @@ def table_of(lines: Sequence[ModulusLine]) -> Table:
     """The moduli, each with its standard uncertainty."""
     several = len({line.run for line in lines}) > 1
     word, factor = display_unit("Pa")
-    headings = ["f\nHz", "amplitude\nmm", f"G'\n{word}", f"G''\n{word}", f"E'\n{word}", f"E''\n{word}", "tan(delta)"]
+    headings = ["f\nHz", f"G'\n{word}", f"G''\n{word}", "tan(delta)", "amplitude\nmm", f"E'\n{word}", f"E''\n{word}"]
     rows = []
     for line in lines:
         shear, young, ratio = line.shear, line.young, 2 * (1 + line.poisson)
         stds = line.std(of="storage"), line.std(of="loss")
-        row = [f"{line.frequency:.4g}", f"{1e3 * line.amplitude:.3g}"]
-        row += [
+        row = [
             value_with_uncertainty(factor * value, factor * std) for value, std in zip((shear.real, shear.imag), stds)
         ]
+        row += [value_with_uncertainty(line.loss_tangent, line.std(of="tan")), f"{1e3 * line.amplitude:.3g}"]
         row += [
             value_with_uncertainty(factor * value, factor * ratio * std)
             for value, std in zip((young.real, young.imag), stds)
         ]
-        row += [value_with_uncertainty(line.loss_tangent, line.std(of="tan"))]
-        rows.append([*row, *([line.run] if several else [])])
+        rows.append([f"{line.frequency:.4g}", *([line.run] if several else []), *row])
     depths = [line.depth for line in lines]
     low, high = 1e3 * min(depths), 1e3 * max(depths)
     at = f"{low:.3g} mm" if high - low < 0.01 * high else f"{low:.3g} to {high:.3g} mm"
-    return Table.of(f"around a depth of {at}", [*headings, *(["run"] if several else [])], rows, ["run"])
+    ratios = sorted({2 * (1 + line.poisson) for line in lines})
+    title = f"around a depth of {at}; E is {' or '.join(f'{ratio:.3g}' for ratio in ratios)} G"
+    headings[1:1] = ["run"] if several else []
+    return replace(Table.of(title, headings, rows, ["run"]), spare=_SPARE)
 
 
 def law_table(fits: Sequence[LawFit]) -> Table:
