@@ -4,6 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from palpate_kit.figures import figure_of, style
+from palpate_kit.runs.exclusion_figure import draw_exclusion
+from palpate_kit.runs.skin_grid import read_lump_findings, read_lumps
 from palpate_maps.exclusion import site_directions
 from palpate_maps.line_peaks import by_prominence, curve_along
 from palpate_maps.lump_criteria import FWHM, Findings, LumpPower, LumpSettings, TrackResponse
@@ -116,3 +119,26 @@ def test_of_an_area_its_places_count():
     assert inside[2].contrast < 0.2
     beyond = np.vstack([between, between + np.array([0.1, 0.0])])
     assert all(power.contrast == np.inf for power in find_lumps(sites, None, (beyond, np.ones(12))).excluded)
+
+
+@pytest.mark.parametrize(
+    ("contrasts", "title"), [((None, 0.1, 0.05), "excluded with 0.95"), ((None,) * 3, "excludes nothing")]
+)
+def test_the_curve_is_drawn_over_the_widths_at_which_lumps_are_excluded(contrasts, title):
+    entries = [{"width": w, "contrast": c, "probability": 0.95} for w, c in zip((4e-3, 8e-3, 15e-3), contrasts)]
+    with style():
+        _, axes = figure_of()
+        draw_exclusion(axes[0, 0], entries)
+    assert axes[0, 0].get_title("left") + axes[0, 0].get_title() == title
+    lines = axes[0, 0].lines
+    if contrasts[1] is not None:
+        np.testing.assert_allclose(lines[0].get_xydata(), [[8, 10], [15, 5]])
+    else:
+        assert not lines
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"lumps": 3}', '{"lumps": [], "excluded": {}}', ""])
+def test_a_damaged_file_of_lumps_has_none(tmp_path, text):
+    (tmp_path / "lumps.json").write_text(text)
+    assert read_lumps(tmp_path) == []
+    assert read_lump_findings(tmp_path) == {}

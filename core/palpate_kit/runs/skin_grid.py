@@ -71,16 +71,17 @@ def _short(value: float) -> float:
 
 def read_lumps(maps: Path) -> list[dict[str, Any]]:
     """Return the lumps that `palpate map lumps` has left in a folder of maps; none where it was not asked."""
-    lumps = read_lump_findings(maps).get("lumps")
-    return lumps if isinstance(lumps, list) else []
+    return list(read_lump_findings(maps).get("lumps", ()))
 
 
 def read_lump_findings(maps: Path) -> dict[str, Any]:
     """Return the lumps of a folder of maps, what is excluded, and the warning; nothing where it was not asked."""
     try:
-        return dict(json_document(bounded_text(maps / "lumps.json")))
+        findings = dict(json_document(bounded_text(maps / "lumps.json")))
     except (OSError, ValueError, TypeError):
         return {}
+    is_whole = all(isinstance(findings.get(key, []), list) for key in ("lumps", "excluded"))
+    return findings if is_whole else {}
 
 
 def lump_shapes(lumps: list[dict[str, Any]]) -> list[list[float]]:

@@ -28,6 +28,7 @@ _AVERAGED = 0.6  # line distances: standard deviation of the weights of an avera
 _BESIDE = 10  # sites of a sweep from one to the next that was palpated at another time
 _SAME_PLACE = 1e-4  # [m] below which two are one place
 _NEAREST_QUANTILE = 0.9  # of the sites: a few at the end of a line have no neighbour
+_BLIND_PLACES = 0.95  # of the cells, as of the places of what an exam excludes
 _UNKNOWN_DISTANCE = 2e-3  # [m] between lines, where there is one site only
 
 
@@ -45,6 +46,7 @@ class StiffnessMap:
     sites: Floats  # (n, 2) [m] where it was palpated
     method: str
     length: float  # [m] over which it was interpolated
+    blind_below: float  # [m] width at half its height of a lump that may lie between the sites unseen
 
     @property
     def coverage(self) -> float:
@@ -66,13 +68,32 @@ def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-proces
     else:
         mean, std, length = _average(used, nodes, _AVERAGED * pitch)
     shape = len(y), len(x)
-    covered = (nearest_distance(sites.place, nodes) <= COVERED * pitch).reshape(shape)
+    distance = nearest_distance(sites.place, nodes)
+    covered = (distance <= COVERED * pitch).reshape(shape)
     value: Floats = np.where(covered, np.exp(mean).reshape(shape), np.nan)
     p, stiff = significance(sites, mean, std, covered.ravel())
     spread = value * std.reshape(shape)
     return StiffnessMap(
-        x, y, value, spread, covered, p.reshape(shape), stiff.reshape(shape), sites.place, method, length
+        x,
+        y,
+        value,
+        spread,
+        covered,
+        p.reshape(shape),
+        stiff.reshape(shape),
+        sites.place,
+        method,
+        length,
+        blind_width(distance[covered.ravel()]),
     )
+
+
+def blind_width(distance: Floats) -> float:
+    """Return the width [m] below which a lump may lie where no site is in its upper half, by distances to sites (m,).
+
+    Twice the distance that 95 % of the places do not exceed.
+    """
+    return 2 * float(np.quantile(distance, _BLIND_PLACES)) if len(distance) else float("inf")
 
 
 def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bool_]) -> tuple[Floats, Any]:

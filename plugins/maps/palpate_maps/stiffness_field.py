@@ -15,7 +15,8 @@ from palpate_maps.sites import Sites
 # Choices: the least that is believed of a site, and the range of kernels.
 LEAST_STD = 1e-3  # of a site's logarithm
 _JITTER = 1e-12  # variance of a logarithm, that keeps a covariance positive where sites coincide
-_BOUNDS = np.log([[1e-8, 1e2], [2e-3, 5e-2], [1e-8, 1e-1]])  # of variance, length [m], noise
+_MIN_LENGTH = 2e-3  # [m]
+_BOUNDS = np.log([[1e-8, 1e2], [_MIN_LENGTH, 5e-2], [1e-8, 1e-1]])  # of variance, length [m], noise
 # Choices: the kernel from which a fit begins, where none is known.
 _START_STD = 1e-3  # of the logarithm, at least
 _START_LENGTH = 6e-3  # [m]
@@ -74,8 +75,10 @@ def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1)))
 
 
-def fit_kernel(place: Floats, log: Floats, stated: Floats, start: FieldKernel | None = None) -> FieldKernel:
-    """The kernel of the largest likelihood of deviations log (n,) at places (n, k) [m], with stated variances (n,).
+def fit_kernel(
+    place: Floats, log: Floats, stated: Floats, start: FieldKernel | None = None, least_length: float = 0.0
+) -> FieldKernel:
+    """Return the kernel of the largest likelihood of deviations log (n,) at places (n, k) [m] with stated variances.
 
     log p = -y' K^-1 y/2 - log|K|/2, with its gradient (Rasmussen and Williams 2006, section 5.4.1), by L-BFGS-B.
     """
@@ -104,19 +107,22 @@ def fit_kernel(place: Floats, log: Floats, stated: Floats, start: FieldKernel | 
         return float(value), 0.5 * np.array(slopes)
 
     begin = start or FieldKernel(max(float(log.std()), _START_STD) ** 2, _START_LENGTH, _START_NOISE)
-    logarithms = np.clip(np.log([begin.variance, begin.length, begin.noise]), *_BOUNDS.T)
-    optimum = minimize(negative_likelihood, logarithms, jac=True, method="L-BFGS-B", bounds=_BOUNDS)
+    # No shorter than a least length [m], of what the distance of the sites can show.
+    bounds = _BOUNDS.copy()
+    bounds[1, 0] = np.clip(np.log(max(least_length, _MIN_LENGTH)), *_BOUNDS[1])
+    logarithms = np.clip(np.log([begin.variance, begin.length, begin.noise]), *bounds.T)
+    optimum = minimize(negative_likelihood, logarithms, jac=True, method="L-BFGS-B", bounds=bounds)
     variance, length, noise = np.exp(optimum.x).tolist()
     return FieldKernel(variance, length, noise)
 
 
-def interpolated(sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Floats, float]:
-    """Posterior mean and standard deviation (m,) of the logarithm at nodes (m, k) [m], and the kernel's length [m].
+def interpolated(sites: Sites, nodes: Floats, level: float, least_length: float = 0.0) -> tuple[Floats, Floats, float]:
+    """Return mean and standard deviation (m,) of the logarithm at nodes (m, k) [m], and the kernel's length [m].
 
     The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
     the level.
     """
-    kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites))
+    kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), least_length=least_length)
     used = sites[_thinned(len(sites), _MAX_USED)]
     process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)
     mean, variance = np.empty(len(nodes)), np.empty(len(nodes))

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from palpate import Floats, LogError, Surface, surface_points
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
-from palpate_maps.map_grid import COVERED, MERGED, MIN_MERGED, cells_over, line_distance, nearest_distance, significance
+from palpate_maps.map_grid import (
+    COVERED,
+    MERGED,
+    MIN_MERGED,
+    blind_width,
+    cells_over,
+    line_distance,
+    nearest_distance,
+    significance,
+)
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import interpolated
 
@@ -23,6 +32,7 @@ class MapOnSurface:
     map: SurfaceMap
     stiff: NDArray[np.bool_]  # (n,) vertices stiffer than the baseline, with false discoveries controlled
     length: float  # [m] over which it was interpolated
+    blind_below: float  # [m] width at half its height of a lump that may lie between the sites unseen
     reach: float  # [m] to which straight distances are within 1 % of those along the surface
 
     @property
@@ -70,7 +80,8 @@ def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str
     p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)
     map_ = SurfaceMap(vertices, faces, value, value * std, p, parameter, unit)
-    return MapOnSurface(map_, stiff, length, _reach(np.abs(points.curvature[known])))
+    blind_below = blind_width(nearest_distance(lifted.place, vertices))
+    return MapOnSurface(map_, stiff, length, blind_below, _reach(np.abs(points.curvature[known])))
 
 
 def _reach(curvature: Floats) -> float:

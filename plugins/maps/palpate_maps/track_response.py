@@ -113,4 +113,6 @@ def _fitted(samples: Samples, middles: Floats, difference: Floats) -> TrackRespo
     low, high = [0.0, -_MAX_LAG, 0.0], [_MAX_HEIGHT, _MAX_LAG, _MAX_LAG]
     start, scale = [1.0, 0.0, 1e-3], [1.0, 1e-3, 1e-3]
     optimum = least_squares(residual, start, bounds=(low, high), x_scale=scale)
-    return TrackResponse(*optimum.x.tolist())
+    height, lag, blur = optimum.x.tolist()
+    # Of stays alone nothing is known along a way.
+    return TrackResponse(height, lag, blur) if direction.any() else TrackResponse(height)

@@ -84,8 +84,10 @@ def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: fl
     )
     figure.colorbar(shown, ax=axis, shrink=0.8, label=label)
     axis.grid(False)
-    for lump in read_lumps(subject.record.folder.maps):
-        axis.plot(1e3 * lump["x"], 1e3 * lump["y"], "+", color="red", markersize=7, markeredgewidth=1.2)
+    for number, lump in enumerate(read_lumps(subject.record.folder.maps), 1):
+        place = 1e3 * lump["x"], 1e3 * lump["y"]
+        axis.plot(*place, "+", color="red", markersize=7, markeredgewidth=1.2)
+        axis.annotate(f"{number}", place, (3, 3), textcoords="offset points", color="red", fontsize="small")
     axis.set(xlabel="x [mm]", ylabel="y [mm]")
     x, y = np.meshgrid(grid.x, grid.y)
     return ReportFigure(figure, grid.caption, {"x_m": x.ravel(), "y_m": y.ravel(), parameter: grid.value.ravel()})

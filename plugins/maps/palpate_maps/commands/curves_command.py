@@ -30,6 +30,7 @@ class TrackCurve:
     along: Floats  # (n,) [m]
     sites: Sites
     lumps: tuple[Lump, ...]
+    lags: bool = False  # its verdict says that it does not follow the changes along its path
 
 
 def curves_of(
@@ -49,7 +50,7 @@ def curves_of(
                 with suppress(LogError):  # too short for lumps
                     lumps = maps.find_lumps(sites).lumps
                 curves[prefix + name] = TrackCurve(
-                    path.parameter, unit_of(run, name, path.parameter), along, sites, lumps
+                    path.parameter, unit_of(run, name, path.parameter), along, sites, lumps, path.lags
                 )
     return curves
 
@@ -119,6 +120,7 @@ def tell_curves(
                 name: {
                     **{"parameter": curve.parameter, "unit": curve.unit, "along": curve.along},
                     **{"value": curve.sites.value, "std": curve.sites.value * curve.sites.std, "lumps": curve.lumps},
+                    "lags": curve.lags,
                     "against_points": _distance(curve, points) if points is not None else None,
                 }
                 for name, curve in curves.items()
@@ -141,7 +143,8 @@ def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, u
         table.add_column(f"against points\nRMS {word}", justify="right")
     for name, curve in curves.items():
         found = [f"{1e3 * lump.along:.1f} mm ({100 * lump.contrast:.0f} %)" for lump in curve.lumps]
-        row = [name, ", ".join(found) or "none"]
+        doubt = "; doubtful: it does not follow the changes" if curve.lags else ""
+        row = [name, (", ".join(found) or "none") + doubt]
         if points is not None:
             row.append(f"{factor * _distance(curve, points):.3g}")
         table.add_row(*row)

@@ -101,6 +101,8 @@ def exclusion_lines(findings: Findings) -> list[str]:
         "width mm": [f"{1e3 * power.width:.0f}" for power in findings.excluded],
         "stiffer by % or more": contrasts,
     }
+    if findings.response is None:
+        lines.insert(1, "(if the track shows lumps as they are: the run has no log to try it on)")
     return [*lines, *(f"  {name:<20}" + "".join(f"{cell:>8}" for cell in cells) for name, cells in rows.items())]
 
 

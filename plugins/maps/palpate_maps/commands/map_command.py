@@ -173,9 +173,15 @@ def _map(made: _MapOutput, field: StiffnessMap) -> Written:
     save_figure(image, folder / f"{name}.{made.ending}")
     size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
     covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.source}"
-    sentence = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
+    sentence = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm\n{_blind(field.blind_below)}"
     ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
-    return name, sentence, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
+    numbers = {"coverage": field.coverage, "interpolated_over": field.length, "blind_below": field.blind_below}
+    return name, sentence, {"kind": "map", **ends, **numbers}
+
+
+def _blind(width: float) -> str:
+    """Return a sentence on lumps that may lie between the sites of a map, narrower than a width [m]."""
+    return f"blind to lumps narrower than {1e3 * width:.2g} mm: they may lie between the places that were palpated"
 
 
 def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
@@ -200,13 +206,15 @@ def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
     if found.warning:
         typer.echo(f"warning: {found.warning}", err=True)
     size = f"{len(found.map.vertices)} vertices, {len(sites)} sites, {path.source}"
-    sentence = f"map on a surface, {size}, interpolated over {1e3 * found.length:.3g} mm"
+    interpolated = f"interpolated over {1e3 * found.length:.3g} mm\n{_blind(found.blind_below)}"
+    sentence = f"map on a surface, {size}, {interpolated}"
     ends = {end: getattr(found.map.vertices, side)(axis=0).tolist() for end, side in (("low", "min"), ("high", "max"))}
-    return (
-        name,
-        sentence,
-        {"kind": "surface", **ends, "interpolated_over": found.length, "straight_within": found.reach},
-    )
+    numbers = {
+        "interpolated_over": found.length,
+        "blind_below": found.blind_below,
+        "straight_within": found.reach,
+    }
+    return name, sentence, {"kind": "surface", **ends, **numbers}
 
 
 def outlines_of(run: Path) -> list[Any]:

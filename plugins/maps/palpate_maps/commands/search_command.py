@@ -239,7 +239,8 @@ def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> Non
     if state.area.share < 1:
         typer.echo(f"  {100 * (1 - state.area.share):.2g} % of {state.area.bounded_by} cannot be visited; not included")
     lines = exclusion_lines(findings) if findings is not None else ["nothing is excluded: the sites are on one line"]
-    typer.echo("\n".join(lines))
+    for line in lines:
+        typer.echo(line)
 
 
 def _where(item: LumpProgress) -> str:
