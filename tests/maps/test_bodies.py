@@ -9,7 +9,9 @@ from palpate_maps.body_field import Body, SiteField, fit_bodies, rise
 from palpate_maps.body_search import lump_members
 from palpate_maps.lump_criteria import FWHM, size_without_tip
 from palpate_maps.lumps import find_lumps
-from palpate_maps.map_analysis import LumpSettings, Sites
+from palpate_maps.map_analysis import LumpSettings, Sites, make_map
+
+from tests.maps.test_lumps import area
 
 SIGMA = 8e-3 / FWHM
 
@@ -129,3 +131,30 @@ def test_bodies_far_apart_are_two_however_uncertain_one_is():
     starts = [Body.at(np.array([x, 0.0]), 0.2, np.eye(2)) for x in (-20e-3, 20e-3)]
     fit = fit_bodies(field, starts, 0.005)
     assert lump_members(replace(fit, covariance=1e4 * fit.covariance)) == [[1], [0]]
+
+
+@pytest.mark.parametrize("contrast", [0.3, 1.0])
+def test_cells_on_a_lump_narrower_than_the_pitch_have_an_honest_std(contrast):
+    """Bumps 4 mm wide, pitch 5 mm: of the raised cells most are within two standard deviations, by their bodies."""
+    shares = []
+    for seed in range(4):
+        dice = np.random.default_rng([seed, 40])
+        x, y = dice.uniform([-14e-3, -9e-3], [14e-3, 9e-3])
+        sites = points(dice, [(x, y, contrast, 4e-3 / FWHM)], noise=0.005)
+        columns, rows = np.meshgrid(*(np.arange(-n, n + 1) * 1e-3 for n in (20, 15)))
+        shape = np.exp(-0.5 * ((columns - x) ** 2 + (rows - y) ** 2) / (4e-3 / FWHM) ** 2)
+        for fit in (None, find_lumps(sites).fit):
+            field = make_map(sites, fit=fit)
+            inside = np.abs(field.value - 112e3 * (1 + contrast * shape)) < 2 * field.std
+            shares.append(inside[shape > 0.05].mean())
+    without, with_bodies = np.reshape(shares, (4, 2)).mean(axis=0)
+    assert without < 0.5
+    assert with_bodies > 0.7
+    assert field.length >= 0.7 * 5e-3
+
+
+def test_a_map_says_below_which_width_it_is_blind():
+    """Points 5 mm apart have 3.5 mm between them and a place, lines of sites 2.5 mm."""
+    dice = np.random.default_rng(0)
+    assert make_map(points(dice, [(0, 0, 0, 1e-2)])).blind_below == pytest.approx(2 * 3.0e-3, rel=0.1)
+    assert make_map(area(dice, [])).blind_below == pytest.approx(2 * 2.3e-3, rel=0.15)

@@ -52,6 +52,7 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
         f"prediction interval of {baseline.count} baseline sites",
         power=next((power for power in excluded if power.width == WIDTH), None),
         excluded=excluded,
+        fit=fit,
         several=None if baseline.single else float(baseline.members.mean()),
     )
 

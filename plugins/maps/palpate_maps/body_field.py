@@ -129,6 +129,12 @@ class BodyFit:
         first = 1 + sum(body.size for body in self.bodies[:number])
         return slice(first, first + self.bodies[number].size)
 
+    def rise_at(self, places: Floats) -> tuple[Floats, Floats]:
+        """Return the rise (m,) of the logarithm at places (m, k) [m], and its standard deviation."""
+        height, slopes = rise(self.bodies, places)
+        variance = np.einsum("mi,ij,mj->m", slopes, self.covariance[1:, 1:], slopes)
+        return height, np.sqrt(np.maximum(variance, 0.0))
+
     def std_of(self, slopes: Floats) -> float:
         """Return the standard deviation of a quantity by its slopes (p,) by all bodies' unknowns."""
         return float(np.sqrt(max(float(slopes @ self.covariance[1:, 1:] @ slopes), 0.0)))

@@ -9,6 +9,7 @@ from palpate import Floats
 
 from palpate_maps.baseline_sites import Baseline
 from palpate_maps.body_field import SiteField
+from palpate_maps.hidden_patches import REACH
 from palpate_maps.lump_criteria import FWHM, Lump, LumpPower, LumpSettings
 from palpate_maps.lump_power import EXCLUDED_PROBABILITY, MAX_CONTRAST, WIDTHS
 from palpate_maps.sites import Sites
@@ -37,8 +38,8 @@ def excluded_lumps(
     A virtual lump raises each site by log(1 + c g), g the mean over the site's piece of the way of what the track makes
     of its Gaussian (`TrackResponse.shape`, along directions (m, k) of the way), and is found where a site exceeds the
     limit of the first discovery: P = 1 - product of Phi((limit - rise)/spread) over the sites. Places are those of an
-    area, by default of triangles between the sites, but for known lumps; infinite where more than a twentieth of them
-    are too far from every site.
+    area, by default of triangles between the sites, but for known lumps. Beyond two radii, a width, a lump is not felt,
+    as in a search; infinite where more than a twentieth of the places are that far from every site.
     """
     places, weight = _places_between(field.middle) if area is None else area
     for lump in lumps:
@@ -48,10 +49,12 @@ def excluded_lumps(
         return ()
     limit = site_limit(baseline, len(field.log), settings)
     offset = field.place[:, None] - places[None]
+    distance = np.linalg.norm(offset, axis=2).min(axis=0)
     powers = []
     for width in WIDTHS:
         shape = field.mean(settings.response.shape(offset, direction[:, None], width / FWHM))
-        contrast = _contrasts(shape, limit, baseline.spread)
+        is_felt = distance <= REACH * width / 2
+        contrast = _contrasts(np.where(is_felt, shape, 0.0), limit, baseline.spread)
         powers.append(LumpPower(_quantile(contrast, weight), width, EXCLUDED_PROBABILITY))
     return tuple(powers)
 

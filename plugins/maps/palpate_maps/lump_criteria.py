@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from palpate import Floats
+
+if TYPE_CHECKING:
+    from palpate_maps.body_field import BodyFit
 
 # A lump of one small body is some 10 mm wide, the width of the contact; both limits are choices, and give a warning.
 _LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
@@ -125,6 +128,7 @@ class Findings:
     excluded: tuple[LumpPower, ...] = ()  # by width, what would have been found at nearly all places
     response: TrackResponse | None = None  # of the track, to narrow lumps; None where the run does not show it
     lags: str | None = None  # the track, where it does not follow the changes along its path
+    fit: BodyFit | None = None  # of an area: the bodies, of which a map has the field
     several: float | None = None  # share of the sites that the background is, where they are not one population
 
     @property
@@ -149,7 +153,8 @@ class Findings:
         for lump in self.lumps:
             if lump.may_be_two:
                 x, y, long, wide = (1e3 * size for size in (*lump.place, *lump.axes))
-                doubts.append(
-                    f"the lump at ({x:.1f}, {y:.1f}) mm is {long:.0f} mm long and {wide:.0f} mm wide: may be two"
-                )
+                reason = f"is {long:.0f} mm long and {wide:.0f} mm wide"
+                if lump.bodies > 1:
+                    reason = f"is explained by {lump.bodies} bodies without a dip between them"
+                doubts.append(f"the lump at ({x:.1f}, {y:.1f}) mm {reason}: may be two")
         return "; ".join(doubts) or None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, LogError
 
 from palpate_maps.baseline_sites import background_sites, discoveries
+from palpate_maps.body_field import BodyFit
 from palpate_maps.lump_criteria import LumpSettings
 from palpate_maps.sites import Sites, merge_sites
 from palpate_maps.stiffness_field import interpolated
@@ -22,6 +23,7 @@ _MAX_DISTANCES = 4_000_000  # that are held at once: 32 MB
 # Choices of the map's resolution and reach.
 _MIN_SITES = 4  # of a map, and of a baseline that its cells are tested against
 COVERED = 1.2  # line distances from a site, up to which a cell is covered: a little more than halfway to the next lines
+LENGTH_OF_PITCH = 0.7  # least length of a field over the distance of lines or points (decision 0578)
 MERGED = 3  # in a line distance: sites of a line that are nearer are one
 MIN_MERGED = 1e-3  # [m]: the spacing of sites
 _AVERAGED = 0.6  # line distances: standard deviation of the weights of an average, so that lines overlap
@@ -54,17 +56,20 @@ class StiffnessMap:
         return float(self.covered.mean())
 
 
-def make_map(sites: Sites, cell: float = 1e-3, method: Method = "gaussian-process") -> StiffnessMap:
-    """The map of sites on a grid of cells [m]; covered where a site is nearer than 1.2 times the lines' distance.
+def make_map(
+    sites: Sites, cell: float = 1e-3, method: Method = "gaussian-process", fit: BodyFit | None = None
+) -> StiffnessMap:
+    """Return the map of sites on a grid of cells [m]; covered where a site is within 1.2 distances of lines.
 
-    Both methods work on the logarithm, whose standard deviation is relative.
+    Both methods work on the logarithm, whose standard deviation is relative. A Gaussian process has the bodies of a fit
+    as they are, and interpolates what these leave.
     Raises ConfigurationError for an impossible cell, LogError for too few sites.
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
     used = merge_sites(sites, max(pitch / MERGED, MIN_MERGED))
     if method == "gaussian-process":
-        mean, std, length = interpolated(used, nodes, float(np.median(used.log)))
+        mean, std, length = interpolated(used, nodes, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     else:
         mean, std, length = _average(used, nodes, _AVERAGED * pitch)
     shape = len(y), len(x)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.gaussian_process import GaussianProcess, cholesky_factor, matern_3_2, whiten
 
+from palpate_maps.body_field import BodyFit
 from palpate_maps.sites import Sites
 
 # Choices: the least that is believed of a site, and the range of kernels.
@@ -116,12 +117,20 @@ def fit_kernel(
     return FieldKernel(variance, length, noise)
 
 
-def interpolated(sites: Sites, nodes: Floats, level: float, least_length: float = 0.0) -> tuple[Floats, Floats, float]:
+def interpolated(
+    sites: Sites, nodes: Floats, level: float, least_length: float = 0.0, fit: BodyFit | None = None
+) -> tuple[Floats, Floats, float]:
     """Return mean and standard deviation (m,) of the logarithm at nodes (m, k) [m], and the kernel's length [m].
 
     The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
-    the level.
+    the level. Where bodies were fitted to the sites, the field is that of what these leave, and the bodies with their
+    covariance are added: a field of one length is either too smooth for them or too rough for the rest.
     """
+    if fit is not None:
+        rest = replace(sites, log=sites.log - fit.rise_at(sites.place)[0])
+        mean, std, length = interpolated(rest, nodes, fit.level, least_length)
+        height, height_std = fit.rise_at(nodes)
+        return mean + height, np.hypot(std, height_std), length
     kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), least_length=least_length)
     used = sites[_thinned(len(sites), _MAX_USED)]
     process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from palpate import Floats, LogError, Surface, surface_points
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
+from palpate_maps.body_field import BodyFit
 from palpate_maps.map_grid import (
     COVERED,
+    LENGTH_OF_PITCH,
     MERGED,
     MIN_MERGED,
     blind_width,
@@ -57,7 +59,9 @@ def sites_on(sites: Sites, surface: Surface) -> Sites:
     return replace(sites, place=surface_points(surface, sites.place).position)
 
 
-def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str, unit: str) -> MapOnSurface:
+def make_surface_map(
+    sites: Sites, surface: Surface, cell: float, parameter: str, unit: str, fit: BodyFit | None = None
+) -> MapOnSurface:
     """Return the map of sites (n, 2) on a surface, its vertices a grid of cells [m] in x and y that is laid on it.
 
     Distances between points are straight. A vertex is there where a site is nearer in x and y than 1.2 times the
@@ -76,7 +80,7 @@ def make_surface_map(sites: Sites, surface: Surface, cell: float, parameter: str
     # The flat map's process and test, over places in space.
     lifted = sites_on(sites, surface)
     used = merge_sites(lifted, max(pitch / MERGED, MIN_MERGED))
-    mean, std, length = interpolated(used, vertices, float(np.median(used.log)))
+    mean, std, length = interpolated(used, vertices, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)
     map_ = SurfaceMap(vertices, faces, value, value * std, p, parameter, unit)

@@ -12,6 +12,13 @@ from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
 from palpate_spectra.consistency import Consistency, unexplained_harmonics
 from palpate_spectra.law_fits import LawFit, several_frequencies, supported_laws
 
+_SYMBOLS = {  # of the parameters of the laws, as docs/spectrum.md has them
+    "elasticity": "E",
+    "viscosity": "eta",
+    "power": "alpha",
+    "relaxing_elasticity": "E_1",
+    "relaxation_time": "tau",
+}
 _FAR = 3.0  # standard uncertainties of a delay
 
 
@@ -96,9 +103,10 @@ def between(fits: Sequence[LawFit]) -> str:
 
 
 def values_of(fit: LawFit) -> str:
-    """Return the parameters of a law in display units."""
+    """Return the parameters of a law by their symbols, in display units."""
     text = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
         word, factor = display_unit(unit)
-        text.append(f"{name} {value_with_uncertainty(factor * value, factor * std)} {word}".removesuffix(" 1"))
+        number = value_with_uncertainty(factor * value, factor * std)
+        text.append(f"{_SYMBOLS.get(name, name)} {number} {word}".removesuffix(" 1"))
     return "\n".join(text)

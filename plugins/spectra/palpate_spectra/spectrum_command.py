@@ -34,6 +34,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
+_SPARE_OF_LAW = 2  # columns that a narrow screen leaves out: BIC and chi^2, of which p says the latter
 _SPARE = 3  # columns that a narrow screen leaves out: the amplitude, and E, which is a multiple of G
 
 
@@ -116,12 +117,13 @@ def law_table(fits: Sequence[LawFit]) -> Table:
         [
             fit.law.name, values_of(fit),
             _late_by(fit),
-            f"{fit.chi2:.3g} / {fit.freedom}", f"{fit.p:.2g}", f"{fit.bic:.4g}",
+            f"{fit.p:.2g}", f"{fit.bic:.4g}", f"{fit.chi2:.3g} / {fit.freedom}",
         ]
         for fit in fits
     ]  # fmt: skip
-    headings = ["law", "values", "force late by\nms", "chi^2 / freedom", "p", "BIC"]
-    return Table.of("a law and a delay together", headings, rows, ["law", "values"])
+    headings = ["law", "values", "late\nms", "p", "BIC", "chi^2 / freedom"]
+    table = Table.of("a law and a delay of the force together", headings, rows, ["law", "values"])
+    return replace(table, spare=_SPARE_OF_LAW)
 
 
 def _late_by(fit: LawFit) -> str:

@@ -20,6 +20,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_maps.commands.curves_command import curves_of, drop_rejected, points_of, unit_of
 
 if TYPE_CHECKING:
+    from palpate_maps.body_field import BodyFit
     from palpate_maps.map_analysis import Findings, Path2D, Sites, StiffnessMap
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
@@ -87,7 +88,7 @@ def map_run(
                 raise ConfigurationError("--method: a map on a surface is a Gaussian process, in a PLY file")
             name, sentence, answer = _on_surface(made, skin, length(cell, "--cell"))
         else:
-            field = maps.make_map(sites, length(cell, "--cell"), method)  # type: ignore[arg-type]
+            field = maps.make_map(sites, length(cell, "--cell"), method, made.fit)  # type: ignore[arg-type]
             name, sentence, answer = _map(made, field)
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
@@ -126,6 +127,11 @@ class _MapOutput:
         if is_fit_folder(self.run):
             return FitFolder(self.run).units.get(self.path.parameter, "")
         return unit_of(self.run, self.path.track, self.path.parameter)
+
+    @property
+    def fit(self) -> BodyFit | None:
+        """The bodies of an area."""
+        return self.findings.fit if self.findings is not None else None
 
     @property
     def document(self) -> dict[str, Any]:
@@ -193,7 +199,7 @@ def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
     from palpate_maps.surface_map import make_surface_map, sites_on, surface_map_csv
 
     path, folder, sites = made.path, made.folder, made.sites
-    found = make_surface_map(sites, surface, cell, path.parameter, made.unit)
+    found = make_surface_map(sites, surface, cell, path.parameter, made.unit, made.fit)
     lumps = made.findings.lumps if made.findings else ()
     places = [(*lump.place, lump.height) for lump in lumps if lump.height is not None]
     excluded = map_files.exclusion_table(made.findings) if made.findings else []
