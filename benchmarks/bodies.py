@@ -1,7 +1,7 @@
 """Bodies that are fitted: two lumps near each other, one alone, three of a field; found, false, errors and coverage.
 
-Run it with: python benchmarks/bodies.py pairs|one|three|speed|breast [--count 50]. One process. Fields are arrays but
-for `breast`, which simulates the palpations of pipelines/breast.toml.
+Run it with: python benchmarks/bodies.py pairs|one|three|narrow|speed|breast [--count 50]. One process. Fields are
+arrays but for `breast`, which simulates the palpations of pipelines/breast.toml.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from palpate import Floats
 from palpate_engine.config import load_pipeline
 from palpate_maps.lump_criteria import FWHM
-from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, sites_along, sites_on
+from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, make_map, sites_along, sites_on
 from sweeps import paths
 
 BREAST = Path(__file__).parent.parent / "pipelines" / "breast.toml"
@@ -148,6 +148,24 @@ def breast(count: int, first: int = 1) -> None:
         print(seed, [row(lump) for lump in findings.lumps], flush=True)
 
 
+def narrow(count: int) -> None:
+    """Cells on one lump in maps of 40 mm x 30 mm, pitch 5 mm: within 2u, by the field alone and with bodies."""
+    for width, contrast in product((4e-3, 6e-3, 8e-3, 10e-3), (0.3, 1.0)):
+        on_lump: dict[str, list[float]] = {"field alone": [], "with bodies": []}
+        for seed in range(count):
+            dice = np.random.default_rng([seed, int(1e4 * width)])
+            place = dice.uniform([-14e-3, -9e-3], [14e-3, 9e-3])
+            sites = field(dice, [(*place, contrast, width / FWHM)], 0.005, (0.04, 0.03), 5e-3)
+            for shares, fit in zip(on_lump.values(), (None, find_lumps(sites).fit), strict=True):
+                made = make_map(sites, fit=fit)
+                x, y = np.meshgrid(made.x, made.y)
+                shape = np.exp(-0.5 * ((x - place[0]) ** 2 + (y - place[1]) ** 2) / (width / FWHM) ** 2)
+                inside = np.abs(made.value - 112e3 * (1 + contrast * shape)) < 2 * made.std
+                shares.append(float(inside[made.covered & (shape > 0.5)].mean()))
+        means = {name: round(float(np.mean(shares)), 2) for name, shares in on_lump.items()}
+        print(f"width {1e3 * width:g} mm, contrast {contrast}: {means}", flush=True)
+
+
 def speed(count: int) -> None:
     """Processor seconds of fields of 1000 sites with three lumps."""
     bumps: list[Bump] = [(-0.05, -0.02, 0.3, 4e-3), (0.04, 0.03, 0.5, 5e-3), (0.052, 0.03, 0.5, 4e-3)]
@@ -161,14 +179,14 @@ def speed(count: int) -> None:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pairs", "one", "three", "speed", "breast"])
+    parser.add_argument("what", choices=["pairs", "one", "three", "narrow", "speed", "breast"])
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--first", type=int, default=1, help="seed, of breast")
     given = parser.parse_args()
     if given.what == "breast":
         breast(given.count, given.first)
         return
-    {"pairs": pairs, "one": one, "three": three, "speed": speed}[given.what](given.count)
+    {"pairs": pairs, "one": one, "three": three, "narrow": narrow, "speed": speed}[given.what](given.count)
 
 
 if __name__ == "__main__":
