@@ -152,6 +152,11 @@ class Recording(Device, ABC):
         return ()
 
     @classmethod
+    def places(cls, path: Path) -> Mapping[str, tuple[float, float]]:
+        """Return x and y [m] of the records of a log, by name, as far as it states them. Raises LogError."""
+        return {}
+
+    @classmethod
     @abstractmethod
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded.

@@ -37,7 +37,7 @@ PIPELINE = """
 [device.log]
 type = "afm-replay"
 file = "{file}"
-curve = {curve}
+record = "{curve}"
 [alignment]
 force = "log.force"
 position = "log.height"
@@ -119,7 +119,7 @@ def test_a_file_says_what_it_holds(made):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("curve = 0|curve = 3", "no curve 3"),
+        ('record = "0"|record = "3"', "no curve 3"),
         ('type = "afm-replay"|type = "afm-replay"\nheight = "piezo"', "holds no 'height (piezo)'"),
     ],
 )

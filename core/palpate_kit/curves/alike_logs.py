@@ -27,6 +27,7 @@ class LogPart:
 
     path: Path
     part: str | None = None
+    place: tuple[float, float] | None = None  # x and y [m] that the log states of it
 
     def __str__(self) -> str:
         return str(self.path) if self.part is None else f"{self.path}:{self.part}"
@@ -39,7 +40,7 @@ class LogPart:
     @property
     def curve(self) -> Curve:
         """The curve in it."""
-        return Curve(str(self), str(self.path.resolve()), record=self.part)
+        return Curve(str(self), str(self.path.resolve()), record=self.part, place=self.place)
 
     @property
     def choices(self) -> dict[str, str]:
@@ -51,7 +52,10 @@ def specimens_of(log: Path, known: Registry, choices: Mapping[str, str] = {}) ->
     """Return the records of a log that holds several by themselves, else the log."""
     if RECORD not in choices:
         with suppress(LogError):  # whoever reads it says so
-            return [LogPart(log, name) for name in recording_of(log, known).records(log, choices)] or [LogPart(log)]
+            reader = recording_of(log, known)
+            if names := reader.records(log, choices):
+                places = reader.places(log)
+                return [LogPart(log, name, places.get(name)) for name in names]
     return [LogPart(log)]
 
 

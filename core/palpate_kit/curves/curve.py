@@ -18,6 +18,7 @@ class Curve:
     batches: tuple[Batch, ...] = ()
     own: tuple[str, ...] = ()  # settings of this curve alone, as of ``--set``
     record: str | None = None  # of a file of several
+    place: tuple[float, float] | None = None  # x and y [m], as its file or ``curves.csv`` states them
 
     def read_by(self, device: Device) -> Device:
         """Return the device with the file of the curve, and its record."""

@@ -104,7 +104,13 @@ def _for_a_row(track: Track) -> Track:
 
 def fit_curves(reader: CurveReader, curves: Sequence[Curve]) -> list[list[Row]]:
     """Return the rows of each curve, one for each offline track."""
-    return [[{**row, "settings": reader.key(curve.own)} for row in _rows(reader, curve)] for curve in curves]
+    rows_of_curves = []
+    for curve in curves:
+        stated = {"settings": reader.key(curve.own)}
+        if curve.place is not None:  # goes before a place that was measured, and is known of a curve that fails
+            stated |= {axis: repr(number) for axis, number in zip("xy", curve.place, strict=True)}
+        rows_of_curves.append([{**row, **stated} for row in _rows(reader, curve)])
+    return rows_of_curves
 
 
 def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
@@ -119,7 +125,8 @@ def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
 def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
     """Yield the rows of a curve that could not be fitted."""
     told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
-    told = told.replace(curve.file, curve.name) if curve.file else told  # the folder can be moved with its curves
+    if curve.file:  # the folder can be moved with its curves
+        told = told.removeprefix(f"{curve.file}: ").replace(curve.file, curve.name)
     try:
         tracks = record_tracks(reader).pipeline.tracks
     except PalpateError:

@@ -83,9 +83,16 @@ class CurveRow:
     @property
     def place(self) -> tuple[float, float] | None:
         """x and y [m], as ``curves.csv`` states them, else as they were measured."""
-        stated = [self.groups.get(name, "") for name in PLACES]
-        try:
-            x, y = (float(text) for text in stated) if all(stated) else (self.number("x"), self.number("y"))
-        except ValueError:
-            return None
+        if all(self.groups.get(name) for name in PLACES):
+            return stated_place(self.groups)
+        x, y = self.number("x"), self.number("y")
         return None if x is None or y is None else (x, y)
+
+
+def stated_place(cells: Mapping[str, str]) -> tuple[float, float] | None:
+    """Return x and y [m] that the cells of a curve in ``curves.csv`` state; None where one is not a number."""
+    try:
+        x, y = (float(cells.get(name) or "nan") for name in PLACES)
+    except ValueError:
+        return None
+    return (x, y) if math.isfinite(x) and math.isfinite(y) else None

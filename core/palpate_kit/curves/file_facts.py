@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate_kit.curves.curve import Curve
-from palpate_kit.curves.curve_list import Entries, cells_beside
+from palpate_kit.curves.curve_list import PLACES, Entries, cells_beside
 from palpate_kit.curves.stated_facts import StatedFacts, stated_facts
 
 
@@ -33,8 +33,14 @@ class FileFacts:
 
 
 def file_facts(sources: Sequence[Path], curves: Iterable[Curve], stated: StatedFacts) -> FileFacts:
-    """Return the facts of the curves of some sources; raises LogError."""
-    return FileFacts(stated, cells_beside(sources, curves))
+    """Return the facts of the curves of some sources, the places that their files state among them; raises LogError."""
+    known = [*curves]
+    cells = cells_beside(sources, known)
+    for curve in known:
+        if curve.place is not None:
+            of_file = {name: repr(number) for name, number in zip(PLACES, curve.place, strict=True)}
+            cells[curve.name] = {**of_file, **cells.get(curve.name, {})}
+    return FileFacts(stated, cells)
 
 
 def facts_beside(file: Path, record: str | None = None, overrides: Iterable[str] = ()) -> StatedFacts:

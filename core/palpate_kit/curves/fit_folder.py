@@ -36,7 +36,7 @@ from palpate_kit.curves.curve_list import (
     fact_assignments,
     read_list,
 )
-from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.curve_row import CurveRow, stated_place
 from palpate_kit.curves.curve_table import TABLE, columns_in, demand_columns, fitted_rows
 from palpate_kit.curves.folder_settings import SETTINGS, curves_folder, dialects_in, settings_text
 from palpate_kit.curves.own_settings import Own, read_own
@@ -203,8 +203,9 @@ class FitFolder:
 
     def curve(self, name: str) -> Curve:
         """Return a curve whose file is known, with its own settings."""
-        record = self.entries.get(name, {}).get(RECORD) or None
-        return Curve(name, self.file_of(name), own=self.settings_of(name), record=record)
+        cells = self.entries.get(name, {})
+        place = stated_place(cells)
+        return Curve(name, self.file_of(name), (), self.settings_of(name), cells.get(RECORD) or None, place)
 
     def file_of(self, curve: str) -> str:
         """Return the file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import typer
-from palpate import printable
+from palpate import ConfigurationError, printable, suggest
 from palpate_engine import Pipeline, make_folder, option_of, registry, toml_tables
 from palpate_kit.curves.alike_logs import LogPart, logs_among, specimens_of
 from palpate_kit.curves.curve_fits import Row
@@ -78,7 +78,7 @@ class FittedFiles:
 def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     with progress("look for files"):
-        files = _source_files(asked.sources, stated)
+        files = _source_files(asked.sources, stated, asked.curve)
     facts = file_facts(asked.sources, [part.curve for part in files.parts], stated)
     named = groups_of(files.parts, asked.sources, asked.by, facts.cells)
     groups, facts = _groups(files.parts, facts, asked)
@@ -107,12 +107,18 @@ def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
         raise typer.Exit(1)
 
 
-def _source_files(sources: Sequence[Path], stated: StatedFacts) -> SourceFiles:
-    """Return the records among the sources; raises ConfigurationError without any."""
+def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | None) -> SourceFiles:
+    """Return the records among the sources, or the one that is named; raises ConfigurationError without any."""
     known = registry.load()
     choices = reader_keys(stated.settings)
     logs = logs_among(sources, known)
     parts = [part for log in logs for part in specimens_of(log, known, choices)]
+    if curve is not None:
+        names = [part.part for part in parts if part.part is not None]
+        parts = [part for part in parts if part.part == curve]
+        if not parts:
+            there = f"{len(names)} curves, {names[0]} to {names[-1]}" if names else "one curve"
+            raise ConfigurationError(f"--curve: no curve {curve!r}{suggest(curve, names)} (there is: {there})")
     is_folder = len(sources) == 1 and sources[0].is_dir() and sources[0] not in logs
     return SourceFiles(parts, sources[0].resolve() if is_folder else None)
 

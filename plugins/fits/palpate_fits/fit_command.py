@@ -15,6 +15,7 @@ from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides,
 
 from palpate_fits.fit_request import (
     ByOption,
+    CurveOption,
     EachOption,
     FilesArgument,
     FitRequest,
@@ -47,6 +48,7 @@ def fit(
     lateral: LateralOption = None,
     time: TimeOption = None,
     rate: RateOption = None,
+    curve: CurveOption = None,
     out: OutOption = None,
     overrides: Overrides = None,
     scheduler: SchedulerOption = None,
@@ -73,7 +75,7 @@ def fit(
     _fit(
         FitRequest(
             tuple(sources), pipeline, tuple(overrides or ()), tip, model, choices, out, scheduler, stage, pictures,
-            as_json, details, each, by, jobs, where, tuple(unset or ()), groups, not no_refit,
+            as_json, details, each, by, jobs, where, tuple(unset or ()), groups, not no_refit, curve,
         )
     )  # fmt: skip
 
@@ -89,6 +91,8 @@ def _fit(asked: FitRequest) -> None:
     asked.demand_no_folder_options()
     if asked.tip is not None and asked.has_pipeline:
         raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
+    if asked.curve is not None and (asked.has_pipeline or asked.each):
+        raise ConfigurationError("--curve is for files without a pipeline; with one: --set device.log.record=NAME")
     if not asked.has_pipeline and not asked.each and (stated := _stated_tip(asked)) is not None:
         from palpate_fits.file_fits import fit_files
 

@@ -35,6 +35,10 @@ LateralOption = Annotated[
     typer.Option(metavar="COLUMN[,COLUMN]", help="With --tip: the place along the skin, or its x and y."),
 ]
 RateOption = Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')]
+CurveOption = Annotated[
+    str | None,
+    typer.Option("--curve", metavar="NAME", help="With --tip: one curve of a map or a workbook, by its name."),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option(
@@ -93,6 +97,7 @@ class FitRequest:
     unset: tuple[str, ...] = ()
     groups: Path | None = None
     fitting: bool = True
+    curve: str | None = None  # the one of a file of several that is to be fitted
 
     @property
     def fit_folder(self) -> Path | None:

@@ -25,25 +25,26 @@ export class CurveView {
   show(answer, second = null) {
     Object.assign(this, { answer, second });
     for (const plot of this.plots) plot.destroy();
-    const { header, time, columns } = answer;
+    const { places } = this, { header, time, columns } = answer;
     const [height, force, model] = header.columns.map((_, k) => known(columns[k] ?? [])); // of a file that has gone, none
     const surface = header.raw ? null : header.surface, depth = height.map((z) => (z === null ? null : 1e3 * (surface === null ? z : surface - z)));
     const seconds = Array.from(time), less = (modelled) => force.map((f, i) => (f === null || modelled[i] === null ? null : f - modelled[i]));
     this.points = seconds.length;
-    this.places.residual.parentElement.hidden = header.raw;
     const over = surface === null ? "height as read [mm]" : "depth [mm]", measured = { values: force, colour: dark.matches ? "#9fb3c4" : "#5b6570", width: 1.5 };
     const modelled = { values: model, colour: COLOURS[1], width: 2 }, rest = { ...measured, values: less(model) };
     const other = second ? [{ values: known(second.model), colour: COLOURS[2], width: 2, dash: [6, 4] }] : [], otherRest = other.map((curve) => ({ ...curve, width: 1.5, values: less(curve.values) }));
-    this.plots = [
-      this.plot(this.places.depth, SMALL, over, "force [N]", depth, [measured, modelled, ...other]),
-      this.plot(this.places.time, SMALL, "time [s]", "force [N]", seconds, [measured, modelled], true),
-      this.plot(this.places.residual, LOW, "time [s]", "N", seconds, [rest, ...otherRest, ...band(header.noise, seconds.length)]),
-    ];
-    const told = header.noise ? `; band: ± ${(1e3 * header.noise).toPrecision(3)} mN, the standard deviation of the force before contact` : header.raw ? "" : "; no band: too few samples before contact give the noise";
-    this.places.residual.previousElementSibling.textContent = `residual: measured less modelled force${told}`;
-    this.legend(second?.name);
+    this.plots = [this.plot(places.depth, SMALL, over, "force [N]", depth, [measured, modelled, ...other])];
     this.settle();
     this.drawn += 1;
+    if (!places.time) return; // below a map
+    places.residual.parentElement.hidden = header.raw;
+    this.plots.push(
+      this.plot(places.time, SMALL, "time [s]", "force [N]", seconds, [measured, modelled], true),
+      this.plot(places.residual, LOW, "time [s]", "N", seconds, [rest, ...otherRest, ...band(header.noise, seconds.length)]),
+    );
+    const told = header.noise ? `; band: ± ${(1e3 * header.noise).toPrecision(3)} mN, the standard deviation of the force before contact` : header.raw ? "" : "; no band: too few samples before contact give the noise";
+    places.residual.previousElementSibling.textContent = `residual: measured less modelled force${told}`;
+    this.legend(second?.name);
   }
 
   legend(name) {

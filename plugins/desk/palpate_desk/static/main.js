@@ -7,11 +7,12 @@ import { Table } from "./table.js";
 
 const $ = (id) => document.getElementById(id);
 const PALE = 100, TYPING = 150; // [ms]
-let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null, comparing = null;
+let folder = null, socket = null, number = 0, waiting = null, over = false, range = null, screen = "curve", refitting = null, comparing = null, peeking = null;
 const reasons = [];
 window.palpate = { asked: 0, drawn: 0, errors: [] };
 
 const view = new CurveView({ depth: $("plot-depth"), time: $("plot-time"), residual: $("plot-residual") }, $("busy"), chooseRange);
+const peek = new CurveView({ depth: $("peek-depth") }, $("peek-busy"), () => {}); // on the map
 const table = new Table($("head"), $("table"), look);
 
 function connect() {
@@ -39,7 +40,7 @@ const TAKES = {
   filter: (m) => { if (m.words === $("filter").value) { hush(); table.filter(m.words.trim() ? m.names : null); if (!table.current) table.pick(0); count(); redraw(false); } },
   done: (m) => { hush(); told(m.command); },
   note: (m) => warn(m.text),
-  error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); view.settle(); warn(m.text); },
+  error: (m) => { window.palpate.errors.push(m.text); refitting = null; clearTimeout(waiting); shownView().settle(); warn(m.text); },
   facts: openFacts,
   mistakes: takeMistakes,
   groups: takeGroups,
@@ -107,11 +108,13 @@ function look(row) {
   comparing = null;
   window.palpate.asked = number;
   clearTimeout(waiting);
-  waiting = setTimeout(() => view.fade(), PALE);
+  waiting = setTimeout(() => shownView().fade(), PALE);
   words(row);
-  if (screen !== "curve") return;
+  if (screen !== "curve" && screen !== "map") return;
   send({ do: "curve", curve: row.curve, number });
 }
+
+function shownView() { return screen === "map" ? peek : view; }
 
 function words(row, messages = new Map()) {
   $("curve-name").textContent = table.short(row.curve);
@@ -146,7 +149,8 @@ function takeCurve(m, whole) {
   if (!current || m.curve !== current.curve || (m.number && m.number !== number)) return; // it was overtaken
   clearTimeout(waiting);
   refitting = null;
-  view.show(whole);
+  shownView().show(whole);
+  $("peek-name").textContent = `${table.short(m.curve)}: force over depth`;
   words(current, new Map((m.flags ?? []).map((flag) => [flag.code, flag.message])));
   if (m.raw) $("curve-note").textContent += m.error && !current.error ? ` · ${m.error}` : " · force and height as read";
   budget(m.budget ?? []);
@@ -227,8 +231,8 @@ function takeCompare(m, whole) {
 }
 
 function sites() {
-  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve, choosePlaces);
-  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow; a dragged rectangle is a filter${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
+  const name = $("map-parameter").value, drawn = drawSites($("sites"), table.shown, name, folder.units[name], showCurve, choosePlaces, peekCurve);
+  $("map-note").textContent = drawn ? `${drawn} curves with a place; rejected ones are hollow; the curve under the cursor is drawn next to them, a click opens it; a dragged rectangle is a filter${stale()}` : "no curve has a place: give x_m and y_m in curves.csv, or lateral_x and lateral_y in [alignment]";
 }
 
 // Filter words for a rectangle [mm], in place of those of the one before.
@@ -241,6 +245,9 @@ function choosePlaces(xs, ys) {
   $("filter").value = [others, ...words].join(" ").trim();
   send({ do: "filter", words: $("filter").value });
 }
+
+// The curve under the cursor, once it rests there.
+function peekCurve(name) { clearTimeout(peeking); peeking = setTimeout(() => { if (screen === "map") table.pickCurve(name); }, PALE); }
 
 function showCurve(name) { show("curve"); table.pickCurve(name); }
 

@@ -92,31 +92,46 @@ export function drawHistogram(box, rows, name, unit) {
   box.append(svg);
 }
 
-// The places of the curves, shaded by a value. A dragged rectangle is reported: its edges [mm], x then y.
-export function drawSites(box, rows, name, unit, show, dragged) {
-  const placed = rows.filter((row) => row.place && row.values[name]);
+// The usual distance from one line of places to the next along an axis; 0 for a single line.
+function lineStep(values) {
+  const sorted = [...values].sort((a, b) => a - b), extent = sorted[sorted.length - 1] - sorted[0];
+  const gaps = sorted.slice(1).map((v, i) => v - sorted[i]).filter((gap) => gap > 1e-3 * extent).sort((a, b) => a - b);
+  return gaps.length ? gaps[gaps.length >> 1] : 0;
+}
+
+// The places of the curves, shaded by a value; a cross has none. The curve under the cursor is reported, and the edges
+// of a dragged rectangle [mm], x then y.
+export function drawSites(box, rows, name, unit, show, dragged, over) {
+  const placed = rows.filter((row) => row.place), valued = placed.filter((row) => row.values[name]);
   box.replaceChildren();
-  if (!placed.length) return 0;
-  const xs = placed.map((row) => 1e3 * row.place[0]), ys = placed.map((row) => 1e3 * row.place[1]), vs = placed.map((row) => row.values[name][0]);
-  const ends = (values) => { const low = Math.min(...values), high = Math.max(...values), pad = 0.08 * (high - low) || 1; return [low - pad, high + pad]; };
-  const [x0, x1] = ends(xs), [y0, y1] = ends(ys), good = placed.filter((row) => row.mark !== "bad").map((row) => row.values[name][0]);
+  if (!valued.length) return 0;
+  const xs = placed.map((row) => 1e3 * row.place[0]), ys = placed.map((row) => 1e3 * row.place[1]), vs = valued.map((row) => row.values[name][0]);
+  const steps = [lineStep(xs), lineStep(ys)], step = Math.min(...steps.filter((one) => one > 0)), margin = Number.isFinite(step) ? step / 2 : 1;
+  const ends = (values) => { const lowest = Math.min(...values), highest = Math.max(...values), pad = Math.max(0.08 * (highest - lowest), margin); return [lowest - pad, highest + pad]; };
+  const [x0, x1] = ends(xs), [y0, y1] = ends(ys), good = valued.filter((row) => row.mark !== "bad").map((row) => row.values[name][0]);
   const [low, high] = good.length ? [Math.min(...good), Math.max(...good)] : [Math.min(...vs), Math.max(...vs)];
+  const [length, per] = Math.max(x1 - x0, y1 - y0) > 0.5 ? ["mm", 1] : ["um", 1e3];
   const scale = Math.min((MAP_WIDE - LEFT - 10) / (x1 - x0), (MAP_HIGH - FOOT - 10) / (y1 - y0));
   const x = (v) => LEFT + (v - x0) * scale, y = (v) => MAP_HIGH - FOOT - (v - y0) * scale;
   const svg = node("svg", { viewBox: `0 0 ${MAP_WIDE} ${MAP_HIGH}`, class: "points", role: "img", "aria-label": `${name} at the places of the curves` });
-  for (const v of ticks(x0, x1)) svg.append(node("text", { x: x(v), y: MAP_HIGH - FOOT + 16, "text-anchor": "middle" }, v));
-  for (const v of ticks(y0, y1)) svg.append(node("text", { x: LEFT - 8, y: y(v) + 4, "text-anchor": "end" }, v));
-  svg.append(node("text", { x: LEFT, y: MAP_HIGH - 8 }, `x and y [mm]; ${name} from ${low.toPrecision(4)} (pale) to ${high.toPrecision(4)} ${unit}`));
+  for (const v of ticks(per * x0, per * x1)) svg.append(node("text", { x: x(v / per), y: MAP_HIGH - FOOT + 16, "text-anchor": "middle" }, v));
+  for (const v of ticks(per * y0, per * y1)) svg.append(node("text", { x: LEFT - 8, y: y(v / per) + 4, "text-anchor": "end" }, v));
+  svg.append(node("text", { x: LEFT, y: MAP_HIGH - 8 }, `x and y [${length}]; ${name} from ${low.toPrecision(4)} (pale) to ${high.toPrecision(4)} ${unit}`));
+  // Places nearer than two dots are cells, as wide as from one to the next.
+  const side = scale * margin, dense = side < 9, [wide, tall] = steps.map((one) => scale * (one || 2 * margin));
   placed.forEach((row, i) => {
-    const share = high > low ? Math.min(Math.max((vs[i] - low) / (high - low), 0), 1) : 1, bad = row.mark === "bad";
-    const dot = node("circle", { cx: x(xs[i]), cy: y(ys[i]), r: 9, fill: bad ? "none" : "#0072b2", "fill-opacity": 0.15 + 0.85 * share, stroke: bad ? "#d55e00" : "#0072b2", "data-curve": row.curve });
-    dot.append(node("title", {}, `${row.curve}: ${row.values[name][2]} ${unit}${bad ? `, rejected: ${row.reason}` : ""}`));
-    dot.addEventListener("click", () => show(row.curve));
-    svg.append(dot);
+    const value = row.values[name], share = value && high > low ? Math.min(Math.max((value[0] - low) / (high - low), 0), 1) : 1, bad = row.mark === "bad";
+    const paint = { fill: bad || !value ? "none" : "#0072b2", "fill-opacity": 0.15 + 0.85 * share, stroke: bad ? "#d55e00" : "#0072b2", "pointer-events": "all", "data-curve": row.curve };
+    const cell = dense ? node("rect", { x: x(xs[i]) - wide / 2, y: y(ys[i]) - tall / 2, width: wide, height: tall, ...paint, "stroke-width": value && !bad ? 0 : 1 }) : node("circle", { cx: x(xs[i]), cy: y(ys[i]), r: 9, ...paint });
+    cell.append(node("title", {}, value ? `${row.curve}: ${value[2]} ${unit}${bad ? `, rejected: ${row.reason}` : ""}` : `${row.curve}: ${row.error || row.verdicts[name] || "not fitted"}`));
+    cell.addEventListener("click", () => show(row.curve));
+    cell.addEventListener("pointerenter", () => over(row.curve));
+    svg.append(cell);
+    if (!value) svg.append(node("text", { x: x(xs[i]), y: y(ys[i]) + 4, "text-anchor": "middle", "pointer-events": "none" }, "×"));
   });
   box.append(svg);
   drag(svg, (left, right, top, bottom) => dragged([x0 + (left - LEFT) / scale, x0 + (right - LEFT) / scale], [y0 + (MAP_HIGH - FOOT - bottom) / scale, y0 + (MAP_HIGH - FOOT - top) / scale]));
-  return placed.length;
+  return valued.length;
 }
 
 // A rectangle in the units of the picture, once the mouse is let go; a click is not one.

@@ -13,10 +13,12 @@ from palpate_engine import load_pipeline
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, Points, TrackOption, WhereOption
+from palpate_kit.terminal.options import JsonOption, Overrides, Points, TrackOption, WhereOption
 from palpate_kit.terminal.progress import progress, report_progress
 
+from palpate_maps.commands.curve_map import fit_first, is_of_curves, show_cells
 from palpate_maps.commands.curves_command import curves_of, drop_rejected, points_of, unit_of
 
 if TYPE_CHECKING:
@@ -37,10 +39,17 @@ def length(text: str, option: str) -> float:
         raise ConfigurationError(f"{option}: {error}") from error
 
 
+@with_facts
 def map_run(
     run: Annotated[
-        Path, typer.Argument(help="The run folder, a folder of fits of many curves, or a pipeline file to run first.")
+        Path,
+        typer.Argument(
+            help="The run folder, a folder of fits of many curves, a pipeline file to run first; with --tip curves to "
+            "fit first: the map of a microscope, or a folder."
+        ),
     ],
+    tip: Annotated[str | None, typer.Option(help='Of curves: their tip, such as "sphere 3 mm" (its radius).')] = None,
+    model: Annotated[str | None, typer.Option(help="With --tip: the contact model. [default: dr]")] = None,
     track: TrackOption = None,
     where: WhereOption = None,
     parameter: Parameter = None,
@@ -50,23 +59,29 @@ def map_run(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
     surface: SurfaceName = None,
+    overrides: Overrides = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
 
-    Of a folder of fits of many curves each curve is a site, at x_m and y_m of its curves.csv, or where it was measured.
+    Of a folder of fits of many curves each curve is a site, at x_m and y_m of its curves.csv, or where it was measured;
+    less than 1 mm apart each is a cell. With --tip, a file of curves or a folder of them is fitted first, as by fit.
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     Where the pipeline of the run has a surface, the map is on it: a PLY in place of the NPZ, seen from three sides.
     """
     from palpate_maps import map_analysis as maps
+    from palpate_maps.curve_cells import read_curve_cells
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
-    run = _run_first(run)
+    run = fit_first(run, tip, model, overrides) if is_of_curves(run, tip) else _run_first(run)
     of_curves = is_fit_folder(run)
     if where is not None and not of_curves:
         raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
     drop_rejected([] if of_curves else [run])
+    if of_curves and (cells := read_curve_cells(run, track, parameter, where)) is not None:
+        show_cells(cells, run, out or RunFolder(run).maps, "svg" if svg else "png", as_json)
+        return
     with progress(f"map of {run.resolve().name}"):
         if of_curves:
             path, sites = maps.read_curve_sites(run, track, parameter, where)

@@ -1,0 +1,163 @@
+"""A map of curves on a grid: each cell is one curve, with its value as it was fitted and nothing between."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats, LogError
+from palpate_engine import display_unit
+from palpate_kit.curves.curve_filter import curve_filter
+from palpate_kit.curves.curve_row import CurveRow
+from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.figures import figure_of, style
+
+from palpate_maps.map_grid import MIN_MERGED
+
+_OFF_GRID = 0.25  # of a step by which a place may be off its cell: a stage's error, and not half a cell
+_SAME_STEP = 1e-3  # of the extent: places that are nearer along an axis are in one line
+_MAX_SPARE = 4  # cells for each curve: a place far from all others would make a map of nothing
+_HALF_MILLIMETRE = 5e-4  # [m] of extent from which on axes are in mm
+
+
+@dataclass(frozen=True)
+class CurveCells:
+    """Curves at the cells of a grid; rows go with y, columns with x; NaN where no curve has a value."""
+
+    rows: Sequence[CurveRow]  # of the curves with a place
+    cells: NDArray[np.intp]  # (n, 2) column and row of each
+    x: Floats  # (nx,) [m]
+    y: Floats  # (ny,) [m]
+    parameter: str
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """From the first to the last place along x and along y [m]."""
+        return float(np.ptp(self.x)), float(np.ptp(self.y))
+
+    @property
+    def usable(self) -> list[bool]:
+        """True for each curve that has a value."""
+        return [not lack_of(row, self.parameter) for row in self.rows]
+
+    def field(self, kind: str = "") -> Floats:
+        """(ny, nx) [SI] of the parameter, or of its uncertainty "_std" or "_combined"."""
+        field = np.full((len(self.y), len(self.x)), np.nan)
+        for row, (column, line), is_usable in zip(self.rows, self.cells, self.usable, strict=True):
+            if is_usable:
+                field[line, column] = row.number(f"{self.parameter}{kind}") or np.nan
+        return field
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Why a curve has no value, by its name."""
+        lacks = ((row.curve, lack_of(row, self.parameter)) for row in self.rows)
+        return {curve: lack for curve, lack in lacks if lack}
+
+
+def lack_of(row: CurveRow, parameter: str) -> str:
+    """Return why a curve has no value of a parameter; "" where it has one."""
+    if row.rejected is not None:
+        return f"rejected: {row.rejected}"
+    verdict = row.verdict_of(parameter) or row.verdict
+    if row.number(parameter) is not None and row.usable and verdict not in ("invalid", "not determined"):
+        return ""
+    return row.error or row.cells.get("findings", "") or verdict or "not fitted"
+
+
+def read_curve_cells(
+    path: Path, track: str | None = None, parameter: str | None = None, where: str | None = None
+) -> CurveCells | None:
+    """Return the curves of a folder of fits at their cells; None for places from 1 mm apart, which are interpolated.
+
+    Raises LogError for nearer ones that are not on a grid, ConfigurationError for filter words that do not parse.
+    """
+    folder = FitFolder(path)
+    if not folder.tracks:
+        raise LogError(f"{path}: no curve of it was fitted")
+    track, parameter = track or folder.tracks[0], parameter or folder.values[0]
+    chosen = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track in (track, "")]
+    placed = [(row, place) for row in chosen if (place := row.place) is not None]
+    places = np.array([place for _, place in placed]).reshape(-1, 2)
+    steps = [axis_step(places[:, axis]) for axis in (0, 1)]
+    if len(places) < 2 or max(steps) == 0 or max(steps) >= MIN_MERGED:
+        return None
+    step = [one or max(steps) for one in steps]  # a single line has cells as high as wide
+    low = places.min(axis=0)
+    cells = np.rint((places - low) / step).astype(np.intp)
+    off = np.abs(low + cells * step - places) / step
+    size = cells.max(axis=0) + 1
+    if off.max() > _OFF_GRID or len({*map(tuple, cells)}) < len(cells) or size.prod() > _MAX_SPARE * len(cells):
+        raise LogError(f"{path}: its curves are less than 1 mm apart and not on a grid, of which no map is made")
+    x, y = (low[axis] + step[axis] * np.arange(size[axis]) for axis in (0, 1))
+    return CurveCells([row for row, _ in placed], cells, x, y, parameter)
+
+
+def axis_step(values: Floats) -> float:
+    """Return the usual step [m] from one line of places (n,) [m] to the next; 0 for a single line."""
+    ordered = np.sort(values)
+    gaps = np.diff(ordered)
+    extent = ordered[-1] - ordered[0] if len(ordered) else 0.0
+    lines = gaps[gaps > _SAME_STEP * extent] if extent > 0 else gaps[:0]
+    return float(np.median(lines)) if len(lines) else 0.0
+
+
+def cells_csv(cells: CurveCells) -> str:
+    """Return a row for each curve: place, value with its uncertainties, and why it has none."""
+    name = cells.parameter
+    lines = [f"x_m,y_m,{name},{name}_std,{name}_combined,curve,without"]
+    for row, (column, line), is_usable in zip(cells.rows, cells.cells, cells.usable, strict=True):
+        numbers = [row.number(f"{name}{kind}") if is_usable else None for kind in ("", "_std", "_combined")]
+        texts = ["" if number is None else f"{number:.6g}" for number in numbers]
+        words = [_quoted(row.curve), _quoted(lack_of(row, name))]
+        lines.append(",".join([f"{cells.x[column]:.9g}", f"{cells.y[line]:.9g}", *texts, *words]))
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return f'"{text.replace(chr(34), chr(34) * 2)}"' if {*text} & {*',"\n'} else text
+
+
+def cells_npz(cells: CurveCells) -> bytes:
+    """Arrays x, y, value, std, combined, and the parameter's name."""
+    file = io.BytesIO()
+    kinds = {"value": "", "std": "_std", "combined": "_combined"}
+    fields = {key: cells.field(kind) for key, kind in kinds.items()}
+    np.savez_compressed(file, x=cells.x, y=cells.y, **fields, parameter=np.array(cells.parameter))  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+def length_unit(extent: float) -> tuple[str, float]:
+    """Return the unit of a map's axes, and how many of it one metre is."""
+    return ("mm", 1e3) if extent > _HALF_MILLIMETRE else ("um", 1e6)
+
+
+@style()
+def cells_picture(cells: CurveCells, unit: str) -> Any:
+    """Value and relative combined uncertainty side by side, one cell for each curve; a cross is one without a value."""
+    figure, axes = figure_of(2, height=60.0)
+    name, factor = display_unit(unit)
+    value = cells.field()
+    length, per_metre = length_unit(max(cells.extent))
+    steps = [np.diff(axis)[0] if len(axis) > 1 else 0.0 for axis in (cells.x, cells.y)]
+    half = [per_metre * (step or max(steps)) / 2 for step in steps]
+    ends = [
+        (per_metre * axis[0] - h, per_metre * axis[-1] + h) for axis, h in zip((cells.x, cells.y), half, strict=True)
+    ]
+    extent = [edge for pair in ends for edge in pair]
+    empty = [cell for cell, is_usable in zip(cells.cells, cells.usable, strict=True) if not is_usable]
+    shown = ((value * factor, f"{cells.parameter} [{name}]", "viridis"),
+             (100 * cells.field("_combined") / np.abs(value), "uncertainty [%]", "magma"))  # fmt: skip
+    for axis, (field, title, colours) in zip(axes[0], shown, strict=True):
+        image = axis.imshow(field, origin="lower", extent=extent, cmap=colours, aspect="equal", interpolation="nearest")
+        figure.colorbar(image, ax=axis, shrink=0.8)
+        for column, line in empty:
+            axis.plot(per_metre * cells.x[column], per_metre * cells.y[line], "x", color="0.5", markersize=4)
+        axis.set(title=title, xlabel=f"x [{length}]", ylabel=f"y [{length}]")
+        axis.grid(False)
+    return figure
