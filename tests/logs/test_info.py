@@ -181,7 +181,10 @@ def test_a_real_table_by_its_columns(palpate, shared, tmp_path):
         ("a.csv", "t,z\n0,1,1,5\n0,2,1,6\n", "decimal commas"),
         ("a.csv.gz", "no gzip", "cannot be read"),
         ("a.csv", "\xff\xfe", "the file is empty"),
-        ("a.csv", "\xff\x81", "is not a CSV text"),
+        ("a.csv", "\xff\x81", "is a binary file and no text"),
+        ("a.csv", "PK\x03\x04\x14\x00\x06\xff", "is a zip archive and no text: a workbook is named .xlsx"),
+        ("a.csv", "%PDF-1.7\n%\xe2\xe3\xcf\xd3\x00\x81\x8d", "is a PDF and no text"),
+        ("a.csv", "\x89HDF\r\n\x1a\n\x00\x81", "is an HDF5 file and no text: name it .h5"),
         ("a.csv", "t,z\n0.1,1\n", "no two columns can be force and position"),
     ],
 )

@@ -160,7 +160,7 @@ def test_lines_and_encoding_that_are_stated(tmp_path, changes, text):
         ({"encoding": "latin-11"}, "no such encoding; did you mean 'latin-1'"),
         ({"decimal": ",", "thousands": ","}, "is the mark before the decimals"),
         ({"header": 9}, "header = 9: that line holds numbers; rows of numbers begin in line 10"),
-        ({"encoding": "ascii"}, "is not a CSV text"),
+        ({"encoding": "ascii"}, "is not a text in ascii: state another encoding"),
     ],
 )
 def test_keys_that_cannot_be(tmp_path, changes, words):

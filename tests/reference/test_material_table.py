@@ -271,7 +271,7 @@ def test_what_is_asked_for_can_be_stated(palpate, tmp_path):
 def test_a_file_that_is_no_text(tmp_path):
     path = tmp_path / "x.tri"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(LogError, match="is not a CSV text"):
+    with pytest.raises(LogError, match="is a binary file and no text"):
         read_text(path)
 
 

@@ -30,6 +30,18 @@ _PROBE = 1 << 17  # [bytes] by which the encoding is found
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 # Two characters of Shift-JIS whose first bytes are kana or usual kanji: rare signs in Windows-1252.
 _JAPANESE = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
+_SIGNATURES = {  # first bytes of files that are named like a text, and are none
+    b"PK\x03\x04": "a zip archive and no text: a workbook is named .xlsx, an archive is unpacked first",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook and no text: save it as .xlsx or .csv",
+    b"\x1f\x8b": "a gzip archive and no text: name it .csv.gz",
+    b"%PDF": "a PDF and no text: export the numbers as .csv",
+    b"\x89PNG": "a picture and no text: export the numbers as .csv",
+    b"\x89HDF": "an HDF5 file and no text: name it .h5",
+    b"PAR1": "a Parquet file and no text: name it .parquet",
+    b"\x93NUMPY": "an array of NumPy and no text: name it .npy",
+    b"TDSm": "a TDMS file and no text: export it as .csv",
+    b"SQLite format 3": "a database and no text: a bag of ROS 2 is named .db3",
+}
 _NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 
 
@@ -78,8 +90,25 @@ def open_text(path: Path, encoding: str | None = None, sheet: str | None = None)
                 yield file
     except (OSError, *DAMAGED) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
-    except (UnicodeError, csv.Error) as error:
+    except UnicodeError as error:
+        raise LogError(f"{path}: {_no_text(path, encoding, error)}") from error
+    except csv.Error as error:
         raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+
+def _no_text(path: Path, encoding: str | None, error: UnicodeError) -> str:
+    """Return what a file is instead of a text, by its first bytes, and what to do with it."""
+    with path.open("rb") as file:
+        head = file.read(_PROBE)
+    for signature, kind in _SIGNATURES.items():
+        if head.startswith(signature):
+            return f"is {kind}"
+    if encoding is not None:
+        return f"is not a text in {encoding}: state another encoding, or none"
+    if _NO_TEXT.search(head.decode("latin-1")):
+        return "is a binary file and no text: export its numbers as .csv"
+    place = f" (byte {error.start})" if isinstance(error, UnicodeDecodeError) else ""
+    return f"is a text of mixed encodings{place}: state one, as in --set device.log.encoding=cp1252"
 
 
 def bounded_lines(file: IO[str], path: Path) -> Iterator[str]:
