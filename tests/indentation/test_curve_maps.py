@@ -135,7 +135,7 @@ def test_a_file_that_is_cut_off_ends_in_one_sentence(tmp_path, ending):
     with pytest.raises(LogError) as error:
         curve_file(path)
     words = str(error.value).removeprefix(str(path))
-    assert "is cut off: the list of its curves" in words or "truncated file" in words
+    assert "is cut off: the list of its curves is missing" in words or "truncated file" in words
     assert "\n" not in str(error.value)
 
 

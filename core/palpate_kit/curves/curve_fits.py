@@ -124,14 +124,16 @@ def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
 
 def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
     """Yield the rows of a curve that could not be fitted."""
-    told = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
+    message = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
     if curve.file:  # the folder can be moved with its curves
-        told = told.removeprefix(f"{curve.file}: ").replace(curve.file, curve.name)
+        message = message.removeprefix(f"{curve.file}: ").replace(curve.file, curve.name)
     try:
         tracks = record_tracks(reader).pipeline.tracks
     except PalpateError:
         tracks = ()
-    yield from ({"curve": curve.name, "track": name, "error": told} for name in [str(t.name) for t in tracks] or [""])
+    yield from (
+        {"curve": curve.name, "track": name, "error": message} for name in [str(t.name) for t in tracks] or [""]
+    )
 
 
 def loss_rows(reader: CurveReader, curve: Curve, why: str) -> list[Row]:

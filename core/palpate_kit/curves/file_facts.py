@@ -34,9 +34,9 @@ class FileFacts:
 
 def file_facts(sources: Sequence[Path], curves: Iterable[Curve], stated: StatedFacts) -> FileFacts:
     """Return the facts of the curves of some sources, the places that their files state among them; raises LogError."""
-    known = [*curves]
-    cells = cells_beside(sources, known)
-    for curve in known:
+    listed = [*curves]
+    cells = cells_beside(sources, listed)
+    for curve in listed:
         if curve.place is not None:
             of_file = {name: repr(number) for name, number in zip(PLACES, curve.place, strict=True)}
             cells[curve.name] = {**of_file, **cells.get(curve.name, {})}

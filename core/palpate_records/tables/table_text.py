@@ -30,7 +30,7 @@ _PROBE = 1 << 17  # [bytes] by which the encoding is found
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 # Two characters of Shift-JIS whose first bytes are kana or usual kanji: rare signs in Windows-1252.
 _JAPANESE = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
-_SIGNATURES = {  # first bytes of files that are named like a text, and are none
+_SIGNATURES = {  # first bytes of files that are named like a text, but are not texts
     b"PK\x03\x04": "a zip archive and no text: a workbook is named .xlsx, an archive is unpacked first",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook and no text: save it as .xlsx or .csv",
     b"\x1f\x8b": "a gzip archive and no text: name it .csv.gz",
@@ -100,9 +100,9 @@ def _no_text(path: Path, encoding: str | None, error: UnicodeError) -> str:
     """Return what a file is instead of a text, by its first bytes, and what to do with it."""
     with path.open("rb") as file:
         head = file.read(_PROBE)
-    for signature, kind in _SIGNATURES.items():
+    for signature, description in _SIGNATURES.items():
         if head.startswith(signature):
-            return f"is {kind}"
+            return f"is {description}"
     if encoding is not None:
         return f"is not a text in {encoding}: state another encoding, or none"
     if _NO_TEXT.search(head.decode("latin-1")):

@@ -117,8 +117,8 @@ def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | Non
         names = [part.part for part in parts if part.part is not None]
         parts = [part for part in parts if part.part == curve]
         if not parts:
-            there = f"{len(names)} curves, {names[0]} to {names[-1]}" if names else "one curve"
-            raise ConfigurationError(f"--curve: no curve {curve!r}{suggest(curve, names)} (there is: {there})")
+            available = f"{len(names)} curves, {names[0]} to {names[-1]}" if names else "one curve"
+            raise ConfigurationError(f"--curve: no curve {curve!r}{suggest(curve, names)} (there is: {available})")
     is_folder = len(sources) == 1 and sources[0].is_dir() and sources[0] not in logs
     return SourceFiles(parts, sources[0].resolve() if is_folder else None)
 

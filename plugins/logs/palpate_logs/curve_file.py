@@ -52,8 +52,8 @@ class CurveFile(Protocol):
 
 def curve_file(path: Path) -> CurveFile:
     """Return an open file of curves; raises LogError where afmformats is missing or does not read it."""
-    about = regular(path).stat()
-    file = _open(path, about.st_mtime_ns, about.st_size, os.getpid())
+    state = regular(path).stat()
+    file = _open(path, state.st_mtime_ns, state.st_size, os.getpid())
     if not file.numbers:
         raise LogError(f"{path}: contains no force curve")
     return file

@@ -43,8 +43,8 @@ class ForceCurve:
         try:
             return np.asarray(self.read(name), np.float64)
         except Exception as error:  # read now, not when the file was opened: unpacked, scaled, put together
-            kind = "" if type(error) is ValueError else f"{type(error).__name__}: "
-            raise LogError(f"{self.name}: its {name} cannot be read: {kind}{error}") from error
+            label = "" if type(error) is ValueError else f"{type(error).__name__}: "
+            raise LogError(f"{self.name}: its {name} cannot be read: {label}{error}") from error
 
     def time(self, rate: float | None = None) -> Floats | None:
         """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it.
@@ -60,22 +60,22 @@ class ForceCurve:
             raise LogError(f"{self.name}: the time of the curve does not advance from every reading to the next")
         return time
 
-    def height(self, kind: str, stiffness: float | None) -> Floats:
+    def height(self, column: str, stiffness: float | None) -> Floats:
         """(n,) [m] of the tip, the column of that name or force over `stiffness` above the cantilever's; else a column.
 
         Raises LogError where the file lacks it.
         """
-        there = f"(there are: {', '.join(self.columns)})"
-        if kind in self.columns:
-            return self.column(kind)
-        if kind != TIP_POSITION:
-            raise LogError(f"{self.name}: holds no {kind!r} {there}")
+        available = f"(there are: {', '.join(self.columns)})"
+        if column in self.columns:
+            return self.column(column)
+        if column != TIP_POSITION:
+            raise LogError(f"{self.name}: holds no {column!r} {available}")
         stiffness = stiffness or self.spring_constant
         if stiffness is None:
             raise LogError(f"{self.name}: does not state its spring constant: set spring_constant of the device")
-        base = next((column for column in (MEASURED, PIEZO) if column in self.columns), None)
+        base = next((name for name in (MEASURED, PIEZO) if name in self.columns), None)
         if base is None:
-            raise LogError(f"{self.name}: contains no height {there}")
+            raise LogError(f"{self.name}: contains no height {available}")
         return self.column(base) + self.force / stiffness
 
 

@@ -84,8 +84,8 @@ class JpkFile:
             spring = positive(float(tables[0][_SPRING])) if _SPRING in tables[0] else None
         except (KeyError, ValueError, OSError, zipfile.BadZipFile) as error:
             raise LogError(f"{name}: its properties cannot be read: {_words(error)}") from error
-        there = {channel for folder in folders for channel in self.channels.get(folder, ())}
-        columns = [column for column, (names, *_) in _CHANNELS.items() if there & {*names}]
+        channels = {channel for folder in folders for channel in self.channels.get(folder, ())}
+        columns = [column for column, (names, *_) in _CHANNELS.items() if channels & {*names}]
         reader = _SegmentReader(self.archive, folders, tables, self.channels)
         return ForceCurve(name, (*columns, SEGMENT, TIME), reader.read, ways, spring, duration)
 
@@ -165,10 +165,10 @@ class _SegmentReader:
             raise ValueError(f"no channel {' or '.join(names)} in segment {segment}")
         head = f"channel.{name}."
         encoder = f"{head}data.encoder." if f"{head}data.encoder.type" in table else f"{head}encoder."
-        kind = table[f"{encoder}type"]
-        if kind not in _ENCODERS:
-            raise ValueError(f"numbers of type {kind} are not read")
-        numbers = np.frombuffer(self.archive.read(f"{folder}channels/{name}.dat"), np.dtype(_ENCODERS[kind]))
+        number_type = table[f"{encoder}type"]
+        if number_type not in _ENCODERS:
+            raise ValueError(f"numbers of type {number_type} are not read")
+        numbers = np.frombuffer(self.archive.read(f"{folder}channels/{name}.dat"), np.dtype(_ENCODERS[number_type]))
         values = _scaled(numbers.astype(float), table, f"{encoder}scaling.")
         base, conversions = table[f"{head}conversion-set.conversions.base"], f"{head}conversion-set.conversion."
         # From the calibration that counts down to the numbers, then applied in the opposite order.
@@ -195,8 +195,10 @@ def jpk_file(path: Path) -> JpkFile:
     except (zipfile.BadZipFile, OSError) as error:
         with path.open("rb") as file:
             is_zip = file.read(2) == b"PK"
-        about = "is cut off: the list of its curves, at its end, is missing; copy it again" if is_zip else "is no zip"
-        raise LogError(f"{path}: cannot be read as a force curve of JPK: {about}") from error
+        reason = "it is cut off: the list of its curves is missing at its end; copy it again"
+        raise LogError(
+            f"{path}: cannot be read as a force curve of JPK: {reason if is_zip else 'it lacks the form of a zip'}"
+        ) from error
     return JpkFile(path, archive, *_entries(archive.namelist()))
 
 

@@ -45,17 +45,17 @@ class CurveCells:
         """True for each curve that has a value."""
         return [not lack_of(row, self.parameter) for row in self.rows]
 
-    def field(self, kind: str = "") -> Floats:
+    def field(self, suffix: str = "") -> Floats:
         """(ny, nx) [SI] of the parameter, or of its uncertainty "_std" or "_combined"."""
         field = np.full((len(self.y), len(self.x)), np.nan)
         for row, (column, line), is_usable in zip(self.rows, self.cells, self.usable, strict=True):
             if is_usable:
-                field[line, column] = row.number(f"{self.parameter}{kind}") or np.nan
+                field[line, column] = row.number(f"{self.parameter}{suffix}") or np.nan
         return field
 
     @property
     def failures(self) -> dict[str, str]:
-        """Why a curve has no value, by its name."""
+        """The reason for which a curve has no value, by its name."""
         lacks = ((row.curve, lack_of(row, self.parameter)) for row in self.rows)
         return {curve: lack for curve, lack in lacks if lack}
 
@@ -87,7 +87,7 @@ def read_curve_cells(
     steps = [axis_step(places[:, axis]) for axis in (0, 1)]
     if len(places) < 2 or max(steps) == 0 or max(steps) >= MIN_MERGED:
         return None
-    step = [one or max(steps) for one in steps]  # a single line has cells as high as wide
+    step = [along_axis or max(steps) for along_axis in steps]  # a single line has cells as high as wide
     low = places.min(axis=0)
     cells = np.rint((places - low) / step).astype(np.intp)
     off = np.abs(low + cells * step - places) / step
@@ -112,10 +112,10 @@ def cells_csv(cells: CurveCells) -> str:
     name = cells.parameter
     lines = [f"x_m,y_m,{name},{name}_std,{name}_combined,curve,without"]
     for row, (column, line), is_usable in zip(cells.rows, cells.cells, cells.usable, strict=True):
-        numbers = [row.number(f"{name}{kind}") if is_usable else None for kind in ("", "_std", "_combined")]
+        numbers = [row.number(f"{name}{suffix}") if is_usable else None for suffix in ("", "_std", "_combined")]
         texts = ["" if number is None else f"{number:.6g}" for number in numbers]
-        words = [_quoted(row.curve), _quoted(lack_of(row, name))]
-        lines.append(",".join([f"{cells.x[column]:.9g}", f"{cells.y[line]:.9g}", *texts, *words]))
+        labels = [_quoted(row.curve), _quoted(lack_of(row, name))]
+        lines.append(",".join([f"{cells.x[column]:.9g}", f"{cells.y[line]:.9g}", *texts, *labels]))
     return "\n".join(lines) + "\n"
 
 
@@ -126,8 +126,8 @@ def _quoted(text: str) -> str:
 def cells_npz(cells: CurveCells) -> bytes:
     """Arrays x, y, value, std, combined, and the parameter's name."""
     file = io.BytesIO()
-    kinds = {"value": "", "std": "_std", "combined": "_combined"}
-    fields = {key: cells.field(kind) for key, kind in kinds.items()}
+    suffixes = {"value": "", "std": "_std", "combined": "_combined"}
+    fields = {key: cells.field(suffix) for key, suffix in suffixes.items()}
     np.savez_compressed(file, x=cells.x, y=cells.y, **fields, parameter=np.array(cells.parameter))  # type: ignore[arg-type]
     return file.getvalue()
 

@@ -49,15 +49,15 @@ def show_cells(cells: CurveCells, run: Path, folder: Path, ending: str, as_json:
     save_figure(cells_picture(cells, unit), folder / f"{name}.{ending}")
     if as_json:
         ends = {"low": [cells.x[0], cells.y[0]], "high": [cells.x[-1], cells.y[-1]]}
-        about = {"parameter": cells.parameter, "unit": unit, "curves": len(cells.rows), "without": failures}
-        print_json({"kind": "cells", **ends, **about, "files": sorted(folder.glob(f"{name}.*"))})
+        facts = {"parameter": cells.parameter, "unit": unit, "curves": len(cells.rows), "without": failures}
+        print_json({"kind": "cells", **ends, **facts, "files": sorted(folder.glob(f"{name}.*"))})
         return
     alike: dict[str, list[str]] = {}
     for curve, lack in failures.items():
         alike.setdefault(lack, []).append(curve)
     for lack, curves in alike.items():
-        others = f" and {len(curves) - 1} more" if len(curves) > 1 else ""
-        typer.echo(f"{curves[0]}{others}: {lack}", err=True)
+        remainder = f" and {len(curves) - 1} more" if len(curves) > 1 else ""
+        typer.echo(f"{curves[0]}{remainder}: {lack}", err=True)
     length, per_metre = length_unit(max(cells.extent))
     size = " x ".join(f"{per_metre * side:.4g} {length}" for side in cells.extent)
     counts = f"{len(cells.rows)} curves, {len(failures)} without {cells.parameter}"
