@@ -273,3 +273,36 @@ def _undo_and_range(walk, fits):
     walk.key("u")
     walk.shows("counts", " 0 to fit")
     assert not FitFolder(fits).own
+
+
+def test_the_curve_under_the_cursor_of_a_map_is_drawn(tmp_path, monkeypatch):
+    """A map file of a microscope: a cell for each curve, a cross for one that cannot be read."""
+    pytest.importorskip("afmformats", reason="afmformats is not installed")
+    from tests.indentation.map_files import jpk_file, press as microscope_press
+
+    monkeypatch.chdir(tmp_path)
+    presses = {k: microscope_press(3000.0 + 100.0 * k, k) for k in range(6)}
+    jpk_file("cells.jpk-force-map", presses, (3, 2), broken=(2,))
+    with (
+        served("cells.jpk-force-map", "--tip", "paraboloid 5 um", "--out", "fits") as process,
+        browser(1280, 800) as chromium,
+    ):
+        tab = chromium.open(process.address)
+        walk = Walk(tab)
+        walk.shows("counts", "6 of 6")
+        walk.key("R")
+        walk.shows("counts", " 0 to fit")
+        walk.key("3")
+        tab.until("document.querySelectorAll('#sites [data-curve]').length === 6", _PATIENCE)
+        assert tab.ask("document.querySelectorAll('#sites text')[0].textContent") is not None
+        assert "um" in tab.ask("Array.from(document.querySelectorAll('#sites text')).map((e) => e.textContent).join()")
+        cell = (
+            "Array.from(document.querySelectorAll('#sites [data-curve]')).find((e) => e.dataset.curve.endsWith(':4'))"
+        )
+        left, top, width, height = tab.ask(
+            f"(({{left, top, width, height}}) => [left, top, width, height])({cell}.getBoundingClientRect())"
+        )
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=left + width / 2, y=top + height / 2)
+        walk.shows("peek-name", ":4: force over depth")
+        tab.until("document.querySelectorAll('#peek-depth canvas').length === 1", _PATIENCE)
+        walk.picture("cells")

@@ -109,7 +109,7 @@ def test_what_is_no_table_of_numbers_is_refused_with_its_line(tmp_path, text, wo
 def test_bytes_that_are_no_text(tmp_path):
     device = log(tmp_path / "a.csv", "")
     device.file.write_bytes(b"\xff\xfe\x00\x01" * 100)
-    with pytest.raises(LogError, match="not a CSV text"):
+    with pytest.raises(LogError, match="is a binary file and no text"):
         rows(device)
 
 
