@@ -144,6 +144,11 @@ class ArmDriver(ABC):
         return 0.0
 
     @property
+    def answer_time(self) -> float:
+        """The shortest time [s] from a command to the state that shows it was taken; 0 if not known."""
+        return 0.0
+
+    @property
     def ahead(self) -> float:
         """How far [m] the latest command is from what the controller has taken before it; 0 if not known."""
         return 0.0

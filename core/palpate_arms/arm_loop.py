@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import Any, NoReturn
 
 import numpy as np
 from palpate import ForceLaw, clock
-from palpate_engine import EMERGENCY, call_for_stop
 from palpate_kit.acquisition.child import Parent
-from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.ring import Ring
 from palpate_kit.kinematics.work_frame import WorkFrame
 
-from palpate_arms.arm_driver import ArmFaultError, DeadLinkError, GarbledStateError
+from palpate_arms.arm_driver import ArmFaultError, GarbledStateError
+from palpate_arms.arm_exit import ArmExit
 from palpate_arms.arm_lag import LagMeter, deflection
-from palpate_arms.arm_rest import ArmRest, Rest
 from palpate_arms.arm_rows import RETRACT, STOP
 from palpate_arms.arm_state import ArmState
 from palpate_arms.arm_watch import ArmWatch
@@ -38,9 +35,8 @@ _BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more co
 _UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping uses shared memory and does not wait
-_DISOBEDIENCE = "the arm does not obey: it was stopped, and no states show that its tip stands"
-_MOVING = ("retreat", "stay", "approach", "follow")
-_SLOW = 0.5e-3  # [m/s] of commands, below which an arm is not commanded to move
+_FIRST_MODES = ("retreat", "stay")  # in which the arm shows whether it can be moved at all
+_MOVING = (*_FIRST_MODES, "approach", "follow")
 
 
 class ArmLoop:
@@ -58,8 +54,9 @@ class ArmLoop:
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: MotionOffer | None = None
         self._cycles = 0
-        self._timeout = settings["controller_timeout"]
-        self._watch = ArmWatch(robot, self._timeout)
+        timeout = settings["controller_timeout"]
+        self._watch = ArmWatch(robot, timeout)
+        self._exit = ArmExit(parent, ring, robot, self._record_at_rest, timeout)
         self._beat, self._lag = Beat(), LagMeter()
         self._obedience = Obedience(robot, self._fence, settings["own"], self._law.gives_way)
 
@@ -90,7 +87,7 @@ class ArmLoop:
         if self._offered is not None:
             self._look_over(self._offered, commander)
         self._look_at_force(commander, now)
-        if commander.mode in ("retreat", "stay") and (text := robot.driver_time.refusal) is not None:
+        if commander.mode in _FIRST_MODES and (text := self._unfit_driver()) is not None:
             self._refuse(text, commander)
         if commander.mode == "done":
             self._finish()
@@ -136,6 +133,15 @@ class ArmLoop:
             verdict = self._fence.in_retraction(seen)
         if verdict is not None:
             self._stop_for(verdict, commander)
+
+    @property
+    def _oldest(self) -> float:
+        """How old [s] a state may be, above the promptest since the connection."""
+        return math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
+
+    def _unfit_driver(self) -> str | None:
+        """Return why nothing is to be moved by this driver: its calls take too long, or its states come late."""
+        return self._robot.driver_time.refusal or self._watch.late_answer(self._oldest)
 
     @property
     def _unheard(self) -> float:
@@ -191,10 +197,8 @@ class ArmLoop:
         self._watch.check_modes()
         if commander is None or commander.mode == "hold":
             self._watch.check_start()
-        elif commander.mode in _MOVING:
-            oldest = math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
-            if (text := self._watch.slowdown() or self._watch.lateness(oldest)) is not None:
-                self._stop_for(Verdict(text), commander)  # it leaves the material
+        elif commander.mode in _MOVING and (text := self._watch.slowdown() or self._watch.lateness(self._oldest)):
+            self._stop_for(Verdict(text), commander)  # it leaves the material
         self._watch.check_links(now)
 
     def _listen(self, now: int) -> None:
@@ -202,12 +206,12 @@ class ArmLoop:
         self._cycles += 1
         for message in self._parent.messages() if self._cycles % _LISTEN_EVERY == 0 else ():
             if message["say"] == "close":
-                self._leave()
+                self._exit.leave(commander)
             elif commander is not None:
                 self._obey(message, commander)
         beat = self._ring.last_beat(host=True)
         if self._parent.gone:
-            self._leave()
+            self._exit.leave(commander)
         if head[STOP]:
             self._finish()
         elif commander is not None:
@@ -280,62 +284,16 @@ class ArmLoop:
     def _finish(self) -> NoReturn:
         """End the motion, which is over one way or the other."""
         self._obedience.end()
-        rest = self._come_to_rest(_DISOBEDIENCE, True)
-        if rest.complaint or not rest.is_shown:
-            fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
-            self._parent.tell("fault", text=fault, stands=rest.is_shown)
-            host().leave(1)
         touches = [] if self._eye is None else [vars(touch) for touch in self._eye.touches]
-        self._parent.tell("done", lag=self._lag.lag, driver_time=sum(self._robot.driver_time.mean), touches=touches)
-        while not self._parent.gone:
-            self._ring.beat(clock().now_ns())
-            self._take_state()
-            if any(message["say"] == "close" for message in self._parent.messages()):
-                break
-            clock().sleep(PERIOD)
-        self._close()
-        host().leave(0)
+        facts = {"lag": self._lag.lag, "driver_time": sum(self._robot.driver_time.mean), "touches": touches}
+        self._exit.finish(self._commander, facts, self._take_state)
 
-    def _come_to_rest(self, fault: str, at_once: bool) -> Rest:
-        """Stop the arm and see it stand; the main job is warned of one that does not."""
-        robot, commander = self._robot, self._commander
-        if robot.observed:
-            return Rest(True)
-        beat = lambda: self._ring.beat(clock().now_ns())  # noqa: E731
-        warn = lambda speed: self._parent.tell("astray", text=fault, speed=speed)  # noqa: E731
-        rest = ArmRest(robot, self._poll_at_rest, beat, warn)
-        if commander is None or commander.mode == "hold":
-            return rest.stop_once()
-        return rest.come_to_rest(at_once, commander.speed > _SLOW, self._timeout)
-
-    def _poll_at_rest(self) -> bool:
+    def _record_at_rest(self) -> bool:
         """Record a new state of an arm that was stopped, whatever it says."""
         if not self._robot.poll():
             return False
         self._record_state()
         return True
 
-    def _leave(self) -> NoReturn:
-        """Stop the arm where the main job is gone, or closes: nobody else says where an arm stays in motion."""
-        if not self._come_to_rest("", True).is_shown:
-            call_for_stop(f"{EMERGENCY}: the program has gone, and no states show that the tip stands")
-        host().leave(0)
-
-    def _close(self) -> None:
-        with contextlib.suppress(Exception):  # whatever a driver raises: the arm stands
-            self._robot.driver.close()
-
     def _fail(self, fault: ArmFaultError) -> NoReturn:
-        """Say why, stop the arm, see it stand, and go: a library's destructors and reconnecting threads hang and crash.
-
-        A lost link to a controller with a watchdog is left at once: what is on it must not be carried out later. Other
-        faults of an arm with a watchdog stop it by the lack of commands, where its states can be trusted.
-        """
-        text, driver = str(fault), self._robot.driver
-        if isinstance(fault, DeadLinkError) and driver.has_watchdog:
-            self._parent.tell("fault", text=text, stands=False)
-            host().leave(1)
-        self._parent.tell("failing", text=text)
-        rest = self._come_to_rest(text, isinstance(fault, GarbledStateError) or not driver.has_watchdog)
-        self._parent.tell("fault", text=text + rest.complaint, stands=rest.is_shown)
-        host().leave(1)
+        self._exit.fail(self._commander, fault)

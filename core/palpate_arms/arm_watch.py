@@ -12,6 +12,8 @@ from palpate_arms.commanded_arm import CommandedArm
 
 _LOST = 0.1  # [s] without a command taken: the link is lost
 _AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
+_BACK = 1e-3  # [s] from a time-stamp to an older one, a choice: half a state, which no unsteady clock makes
+_STATES = 2.0  # periods of states, a choice: a command waits for a tick, and its answer for a state
 _LEAP = "no arm does that; was another TCP set meanwhile?"
 
 
@@ -24,7 +26,7 @@ class ArmWatch:
         self._age = ReadingAge()
         self._ahead = math.inf  # [s] of the time-stamp that was most ahead of its arrival
         self._stamp = -math.inf  # [s] of the latest state
-        self._step_back = 0.0  # [s] from one time-stamp to the next, the latest time that one was older
+        self._step_back = 0.0  # [s] from one time-stamp to the next, the largest of those that were older
 
     def check_state(self) -> None:
         """Raise ArmFaultError where the newest state makes no sense."""
@@ -32,7 +34,7 @@ class ArmWatch:
         if not math.isfinite(arm.stamp):
             raise self._garbled("the controller's time-stamp is not a number")
         self._stamp, back = arm.stamp, self._stamp - arm.stamp
-        self._step_back = back if back > 0.0 else self._step_back
+        self._step_back = max(back, self._step_back)
         ahead = arm.stamp - arm.seen / 1e9
         if ahead > self._ahead + _AHEAD:
             raise self._garbled(
@@ -66,15 +68,30 @@ class ArmWatch:
         return None if self._arm.observed else self._arm.driver.slowdown(self._arm.reading, self._first)
 
     def lateness(self, limit: float) -> str | None:
-        """Return why the arm is not where its states have it: the latest two were older than a limit [s]; None in
-        time."""
-        text = self._age.complaint("the controller's states", limit)
-        # Older by so much at once: they are not late.
-        if text is None or self._step_back <= limit:
-            return text
+        """Return why the arm is not where its states have it; None of states in their order and in time.
+
+        Out of order is one that is older than the one before it; late are the latest two beyond a limit [s].
+        """
+        if self._step_back <= _BACK:
+            return self._age.complaint("the controller's states", limit)
         return (
             f"the controller's time-stamps go back by {1e3 * self._step_back:.4g} ms while its states go on: they "
             "arrive out of order, or its clock was set back; where the tip stands now is not known"
+        )
+
+    def late_answer(self, limit: float) -> str | None:
+        """Return why an arm must not be moved whose states were late from the start, by more than a limit [s].
+
+        No time-stamp shows that: the state that answers a command does, where the controller reads commands back.
+        """
+        answer_time, period = self._arm.driver.answer_time, self._arm.state_period
+        if answer_time <= limit + _STATES * period:
+            return None
+        return (
+            "the controller's states, or its commands, come late from the start: a command shows "
+            f"{1e3 * answer_time:.0f} ms after it was sent, over [safety] reading_age = {1e3 * limit:g} ms and two "
+            f"states of {1e3 * period:g} ms; where the tip stands while it is commanded is not known"
+            f"{clock().late_computer()}"
         )
 
     def check_links(self, now: int) -> None:

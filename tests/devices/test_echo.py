@@ -68,6 +68,19 @@ def test_the_client_takes_what_the_direct_one_takes(restored):
         receive.disconnect()
 
 
+@pytest.mark.parametrize("delay", [1, 5, 40])
+def test_the_time_of_an_answer_is_known_from_16_of_them_on(delay):
+    """One command of many that comes back late, as of a computer that was held up, changes nothing."""
+    echo, numbers, times = Echo(), [], []
+    for i in range(delay + 40):
+        if i >= delay and i != delay + 20:
+            echo.hear(i * PERIOD, numbers[i - delay])
+        numbers.append(echo.number(i * PERIOD, PLACE))
+        times.append(echo.answer_time)
+    assert times[: delay + 15] == [0.0] * (delay + 15)
+    assert times[delay + 15 :] == pytest.approx([delay * PERIOD] * 25)
+
+
 def test_commands_that_do_not_arrive_are_a_silence():
     silences = driven(200, 2, heard=lambda i: i < 100)
     assert silences[199] == pytest.approx(100 * PERIOD)

@@ -4,6 +4,7 @@ import importlib
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,9 +22,10 @@ from palpate_kit.kinematics.rotations import matrix_of, pose_of
 from palpate_testing import simulated_time
 from palpate_trajectories.raster import Raster
 
-from tests.devices.simulated_bench import PIPELINE
+from tests.devices.simulated_bench import PIPELINE, SHORT
 from tests.devices.software_arms import NAME, WORK, listen, unlike, use
 
+SAFETY_CASE = Path(__file__).parents[2] / "docs" / "safety-case.md"
 LIMITS = ArmLimits((-0.02,) * 3, (0.02,) * 3, speed=0.04, acceleration=0.5, orientation=0.1, angular_speed=0.2)
 PRESS = {"bias": 0.001, "amplitude": 1e-4, "frequency": 4.0, "clearance": 0.003}
 RASTER = Raster(size=(0.006, 0.003), pitch=0.003, speed=0.005, press=PRESS)
@@ -178,6 +180,24 @@ def test_a_driver_with_a_mistake_is_refused_with_its_likely_cause(mine, software
 
 
 @pytest.mark.slow
+def test_how_far_an_arm_goes_whose_frames_are_120_mm_apart_is_stated(mine, software, monkeypatch):
+    """Also one on a spring: it may move by what it gives way to, and not by that."""
+
+    class Soft(mine[0].Arm):
+        @property
+        def controller_stiffness(self):
+            return 2500.0
+
+    use(monkeypatch, software, flange_for_tip(software.SoftwareArm))
+    for kind in (mine[0].Arm, Soft):
+        software.SoftwareArm.made.clear()
+        done = first_motion(kind(host="127.0.0.1", work=WORK), software)
+        assert re.search(STAY, done.said), done.said
+        assert done.farthest == pytest.approx(11.9e-3, abs=0.1e-3)
+    assert "120 mm apart, joints without limits: 11.9 mm in one tick" in SAFETY_CASE.read_text()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [matrix(-X, Y, Z), matrix(X, -Y, Z), matrix(Y, X, Z), matrix(-X, -Y, Z)])
 def test_before_a_raster_lateral_axes_are_shown(mine, software, monkeypatch, fault):
     use(monkeypatch, software, fault(software.SoftwareArm))
@@ -203,6 +223,43 @@ def test_a_sound_arm_shows_its_axes_and_goes_on(mine, software):
         0.3,
         0.42,
     ]
+
+
+@pytest.mark.slow
+def test_each_connection_has_one_handshake_and_later_retreats_are_as_before(mine, software):
+    device, answers = mine[0].Arm(host="127.0.0.1", work=WORK), []
+    for _ in range(2):
+        with simulated_time(), device.connect(0) as link:
+            said = listen(link)
+            clock().sleep(0.3)
+            link.limit(LIMITS, said.append)
+            durations = []
+            for _ in range(2):
+                durations.append(link.retreat(RETREAT, RETREAT_SPEED))
+                clock().sleep(durations[-1] + 0.1)
+                answers.append(len(link.health["handshake"]))
+            usual = straight_path(np.zeros(3), RETREAT * Z, own_law(RETREAT_SPEED, device.acceleration)).times[-1]
+        assert said == []
+        assert durations[1] == pytest.approx(usual, abs=0.03)
+        assert durations[0] > durations[1]
+    assert answers == [4, 4, 4, 4]  # to stay and three steps, of each connection
+
+
+@pytest.mark.slow
+def test_a_tip_in_contact_makes_no_sidestep(simulated, tmp_path):
+    """Before a raster: only a tip that has shown that it is free goes across."""
+    text = PIPELINE.read_text()
+    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
+    motion = 'type = "raster"\nsize = ["2 mm", "1 mm"]\npitch = "1 mm"\nspeed = "4 mm/s"\nsettle = "0.2 s"\n'
+    motion += 'press = { bias = "1 mm", amplitude = "0.1 mm", frequency = "8 Hz", clearance = "3 mm" }\n'
+    (tmp_path / "raster.toml").write_text(f"{text[:begin]}[trajectory.press]\n{motion}\n{text[end:]}")
+    sets = [entry for entry in SHORT if "trajectory" not in entry and "height" not in entry]
+    rig = simulated(*sets, "twin.bench.height=-1 mm", pipeline=tmp_path / "raster.toml")
+    rig.fault("mark")
+    with pytest.raises(DeviceError, match="the tip touches something"):
+        rig.run()
+    assert np.subtract(rig.truth.high, rig.truth.low)[:2].max() < 0.05e-3
+    assert rig.truth.high[2] > -0.7e-3  # it did retreat
 
 
 def rounded(place, digit, cut=False):
@@ -362,6 +419,10 @@ SENT = 2_000_000 * np.arange(200)
         (np.round(LINE, 6), 0),
         (np.floor(1e6 * LINE) / 1e6, 0),
         (LINE + 1e-7 * np.sin(np.arange(200))[:, None], None),
+        # What passes, by the safety case: a smoothed command, varying delays in digits above 1 um, digits above 10 um.
+        (0.5 * (LINE + np.vstack([LINE[:1].repeat(5, 0), LINE[:-5]])), None),
+        (np.round(LINE[np.maximum(np.arange(200) - np.arange(200) % 4, 0)], 5), None),
+        (np.round(LINE, 4), None),
         (np.zeros((200, 3)), None),
     ],
 )
@@ -376,11 +437,21 @@ STIFF = StatedArm(lag=0.02, deadband=0.0, gives_way=False)
 def answered(answer, stated=STIFF):
     """What a handshake makes of an arm that stands at `answer(command)` [m] outwards."""
     path = outward_path(np.zeros(3), Z, RETREAT, own_law(RETREAT_SPEED, 0.5), stated)
+    return shaken(lambda command: np.array([0.0, 0.0, answer(command[2])]), path, stated)
+
+
+def answered_by(change, path):
+    """What it makes of an arm that goes another way than is commanded, by a matrix (3, 3)."""
+    return shaken(lambda command: change @ command, path, STIFF)
+
+
+def shaken(answer, path, stated):
+    """What it makes of an arm that stands at `answer(command)` (3,) [m]."""
     state = lambda place: ArmState(place, np.zeros(3), np.eye(3), [], True)  # noqa: E731
     handshake = Handshake(path, stated, state(np.zeros(3)))
     for number, command in enumerate(path.rows):
         handshake.note_command(command, command, 2_000_000 * number)
-        place = np.array([0.0, 0.0, answer(command[2])]) + 2e-6 * np.sin(7.0 * number + np.arange(3))
+        place = answer(command) + 2e-6 * np.sin(7.0 * number + np.arange(3))
         if (text := handshake.fault(state(place), place, 2_000_000 * number + 1)) is not None:
             return text
     assert handshake.is_over
@@ -402,6 +473,31 @@ def answered(answer, stated=STIFF):
 def test_an_answer_has_the_direction_and_the_size_of_the_command(answer, words):
     text = answered(answer)
     assert (text is None) if words is None else (words in text)
+
+
+def turned_by(angle, axis):
+    """A rotation matrix about an axis of the work frame, by an angle [deg]."""
+    return matrix_of([0.0, 0.0, 0.0, *(math.radians(angle) * axis)])[:3, :3]
+
+
+ACROSS = sideways_path(np.zeros(3), LEVEL, np.ones(3), own_law(RETREAT_SPEED, 0.5), STIFF)
+OUTWARDS = outward_path(np.zeros(3), Z, RETREAT, own_law(RETREAT_SPEED, 0.5), STIFF)
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "least", "most", "words"),
+    [
+        (OUTWARDS, lambda scale: scale * np.eye(3), 1.34, 1.36, "a scale of 0.62 to 1.35"),
+        (OUTWARDS, lambda scale: scale * np.eye(3), 0.63, 0.61, "a scale of 0.62 to 1.35"),
+        (OUTWARDS, lambda angle: turned_by(angle, X), 20.0, 21.0, "axes turned by less than 21 deg"),
+        (ACROSS, lambda angle: turned_by(angle, Z), 25.0, 26.0, "lateral ones 26 deg"),
+    ],
+    ids=["larger", "smaller", "tilted", "turned"],
+)
+def test_what_passes_the_handshake_stands_in_the_safety_case(path, change, least, most, words):
+    """An arm that goes so far, or in such a direction, in place of what is commanded."""
+    assert [answered_by(change(amount), path) is None for amount in (least, most)] == [True, False]
+    assert words in SAFETY_CASE.read_text()
 
 
 @pytest.mark.parametrize(

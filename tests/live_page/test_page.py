@@ -1,7 +1,9 @@
 """The page in a real Chromium."""
 
+import re
+
 import pytest
-from palpate import Run
+from palpate import GuardState, Run
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 from palpate_live.live_feed import PageFeed
@@ -55,3 +57,21 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path, name):
         tab.until("document.getElementById('state')?.textContent === 'stop was asked for'")
     child.close()
     assert asked == ["on the live page"]
+
+
+@pytest.mark.slow
+def test_a_call_for_the_emergency_stop_is_red_on_the_page(a_run, samples):
+    child = PageServer(0, lambda reason: None, patient=True)
+    feed = PageFeed(a_run(), child.send, {})
+    feed.samples(samples(0, 100))
+    feed.guard(GuardState("tripped", "the arm does not obey", 3.0, True))
+    feed.flush()
+    with browser() as chromium:
+        tab = chromium.open(child.address)
+        tab.until("document.getElementById('state')?.textContent === 'PRESS THE EMERGENCY STOP'")
+        assert tab.ask("document.getElementById('why').innerText") == "the arm does not obey"
+        border = tab.ask("getComputedStyle(document.body).border")
+    child.close()
+    width, red, green, blue = map(int, re.findall(r"\d+", border))
+    assert width == 8
+    assert red > 150 > 2 * max(green, blue) - 50

@@ -2,6 +2,7 @@
 
 import io
 import re
+import threading
 import time
 
 import pytest
@@ -65,6 +66,25 @@ def test_the_panel_takes_no_text_for_markup(watcher):
     assert "stopped by the guard: the force is 13 N [red]" in text
     assert "elasticity" in text
     assert "kPa" in text
+
+
+def test_a_call_for_the_emergency_stop_is_red_and_rings_once(watcher, monkeypatch):
+    monkeypatch.setattr(terminal_panel, "_PANEL", 0.001)
+    watcher.guard(GuardState("tripped", "the arm does not obey", 13.0, True))
+    assert "PRESS THE EMERGENCY STOP: the arm does not obey" in watcher.line()
+    out, views = io.StringIO(), threading.Semaphore(0)
+    view = watcher.view
+    monkeypatch.setattr(watcher, "view", lambda: views.release() or view())
+    ended = threading.Event()
+    errors = Console(file=out, width=120, force_terminal=True, color_system="standard")
+    thread = threading.Thread(target=terminal_panel._show_panel, args=(watcher, errors, ended))
+    thread.start()
+    for _ in range(3):
+        views.acquire()
+    ended.set()
+    thread.join()
+    assert re.search(r"\x1b\[1;31m[^\x1b]*PRESS THE EMERGENCY STOP", out.getvalue())
+    assert out.getvalue().count("\a") == 1
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ _UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 40 m/s^2, the lim
 _TIMEOUT = 1.0  # [s]
 _ON_THEIR_WAY = 64  # commands; of a lost link more are
 _NOW = 0.5e-3  # [s] within which two instants are one: a quarter of a tick
+_ENOUGH = 16  # commands that came back, a choice: a computer that was held up makes one of them late, not all
 _RECIPE = struct.Struct(">Bdd")  # its number, time [s], register
 STATE_BYTES = _RECIPE.size
 
@@ -42,6 +43,7 @@ class Echo:
         self._since = 0.0  # the latest news, or the first command after which there was none to come
         self._commands: deque[_SentCommand] = deque(maxlen=_ON_THEIR_WAY)  # from the latest that came back on
         self._usual = math.inf  # [s] the shortest time in which one came back
+        self._answers = 0  # commands that came back
 
     def number(self, now: float, place: Floats) -> float:
         """Return the number of the next command, to a place (3,) [m], as an acceleration [m/s^2], sent at a time
@@ -62,6 +64,12 @@ class Echo:
             while self._commands[0].number != heard:
                 self._commands.popleft()
             self._usual = min(self._usual, now - self._commands[0].sent)
+            self._answers += 1
+
+    @property
+    def answer_time(self) -> float:
+        """The shortest time [s] in which a command came back; 0 before enough of them did."""
+        return self._usual if self._answers >= _ENOUGH else 0.0
 
     def ahead(self, now: float) -> float:
         """Return how far [m] the latest command is, at a time [s], from what the controller has taken before it.

@@ -248,6 +248,11 @@ class URDriver(ArmDriver):
         return self._echo.silence(self._stamp)
 
     @property
+    def answer_time(self) -> float:
+        """By the numbers of the commands that it reads back."""
+        return self._echo.answer_time
+
+    @property
     def ahead(self) -> float:
         """By the numbers of the commands that it reads back."""
         return self._echo.ahead(self._stamp)
