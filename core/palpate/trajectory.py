@@ -56,6 +56,7 @@ class OwnMotion:
     blind: float = 0.0  # [s] that it may go on where the host stands still and it cannot watch the force by itself
     stop: tuple[str, float] | None = None  # key and force [N] at which its controller stops it, and leaves it there
     followed_speed: float = math.inf  # [m/s] of commands, at which it is as far behind them as it may be
+    yield_force: float = math.inf  # [N] at which its controller has given way as far as it may stand off its command
 
 
 class Trajectory(Part, ABC):

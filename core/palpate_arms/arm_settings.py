@@ -191,7 +191,8 @@ class ArmSettings(Device):
         stop = (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None
         followed_speed = self.tracking / max(self.command_lag, 1e-9)
         leaves_slowly = self.retract_speed is not None and self.retract_speed <= followed_speed
-        return OwnMotion(*own, stop, math.inf if leaves_slowly else followed_speed)
+        yield_force = math.inf if self.controller_stiffness is None else self.controller_stiffness * self.tracking
+        return OwnMotion(*own, stop, math.inf if leaves_slowly else followed_speed, yield_force)
 
     @property
     def gravity(self) -> tuple[float, ...]:

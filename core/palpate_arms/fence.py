@@ -56,8 +56,8 @@ class Fence:
         self._following.begin(command)
 
     def give_way(self, deflection: float) -> None:
-        """Allow for an arm that gives way by so much [m] to the force that stops it."""
-        self.give = deflection + self._deadband
+        """Allow for an arm that gives way by so much [m] to the force that stops it, up to `tracking`."""
+        self.give = min(deflection, self._tracking) + self._deadband
 
     @property
     def lead(self) -> float:

@@ -81,6 +81,8 @@ def test_a_depth_that_only_the_middle_reaches_is_seen():
         (OwnMotion(0.05, 0.03, 1.0), "the speed is 50.0 mm/s"),
         (OwnMotion(0.036, 0.03, 1.0), "the fastest approach"),
         (OwnMotion(0.02, 0.03, 0.5), "the arm brakes at 0.5 m/s^2"),
+        (OwnMotion(0.02, 0.03, 1.0, yield_force=12.1), None),
+        (OwnMotion(0.02, 0.03, 1.0, yield_force=0.025), "is that stated in N/m?"),
         (OwnMotion(0.02, 0.03, 1.0, stop=("reflex", 12.1)), None),
         (OwnMotion(0.02, 0.03, 1.0, stop=("reflex", 12.0)), "must be above [safety] stop_force = 12 N"),
     ],

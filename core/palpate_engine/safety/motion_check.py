@@ -266,6 +266,12 @@ def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
             f"{key} is {force:g} N, at which the controller stops the arm in the material: it must be above [safety] "
             f"stop_force = {limits.stop_force:g} N, at which the arm leaves it"
         )
+    if limits.stop_force > own.yield_force:
+        problems.append(
+            f"at {own.yield_force:.3g} N the arm's controller has given way by as much as `tracking` allows, and "
+            f"[safety] stop_force = {limits.stop_force:g} N stops it later: raise `tracking`, or the stiffness of the "
+            "controller (is that stated in N/m?)"
+        )
     return tuple(problems)
 
 

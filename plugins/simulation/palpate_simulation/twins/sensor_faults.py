@@ -30,6 +30,12 @@ class Electronics:
         """Let no force be larger than a level [N], with noise of a standard deviation [N] on top."""
         self._level, self._noise = level, noise
 
+    def wrap(self, level: float) -> None:
+        """Go on at the other end of the range beyond a level [N], as a number of too few bits does."""
+        if level <= 0.0:
+            raise ValueError("a level is above 0")
+        self._law = lambda _, load: (load + level) % (2.0 * level) - level
+
     def rescale(self, scale: float) -> None:
         """Read so many times what is felt."""
         self._scale = scale
