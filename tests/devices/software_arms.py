@@ -54,7 +54,7 @@ def run_software_arm(mine, software, monkeypatch, tmp_path, capfd):
         error = None
         with simulated_time():
             monkeypatch.setattr(
-                "palpate_engine.pipeline.live.guard.call_for_stop", lambda text: calls.append((clock().now(), text))
+                "palpate_engine.pipeline.live.arm_stop.call_for_stop", lambda text: calls.append((clock().now(), text))
             )
             try:
                 run_pipeline(load_pipeline(file, [*SHORT, *overrides]), tmp_path / "out")

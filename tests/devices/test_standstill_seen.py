@@ -164,7 +164,7 @@ def test_a_deaf_robot_is_called_out_while_it_moves(rig, monkeypatch):
     """Its program goes on at the speed that it had, whatever is commanded: no watchdog, no stop."""
     step, deaf, calls = Program.step, [], []
     monkeypatch.setattr(
-        "palpate_engine.pipeline.live.guard.call_for_stop",
+        "palpate_engine.pipeline.live.arm_stop.call_for_stop",
         lambda text: calls.append((clock().now(), text, rig.state())),
     )
 

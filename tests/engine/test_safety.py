@@ -358,7 +358,7 @@ def test_a_stream_of_force_that_ends_while_an_arm_moves_trips(guard):
 
 
 def test_a_position_that_another_device_measures_trips_where_it_ends(guard):
-    guard._moving = {"another arm"}
+    guard.stop.moving = {"another arm"}
     guard.ended("r")
     assert guard.reason == "the stream of r has ended: r.tip.z can no longer be watched"
 
@@ -389,7 +389,7 @@ def test_once_all_arms_are_done_nothing_is_a_fault(guard):
     guard.ended("r")
     guard.ended("s")
     guard.ended("camera")
-    guard.failed("s: the sensor is disconnected", "s")
+    guard.stop.failed("s: the sensor is disconnected", "s")
     assert guard.reason is None
     assert guard.ended_early == set()
 
@@ -562,19 +562,19 @@ def test_an_arm_that_goes_on_inwards_after_a_stop_does_not_obey(guard, goes):
     obeys = goes != "on"
     assert ("does not obey: since it was to stop, the tip has gone 4.5 mm deeper, of 4.2 mm" in guard.reason) != obeys
     assert ("PRESS THE EMERGENCY STOP: the tip moves at" in guard.reason) != obeys
-    assert (guard.calls_for_stop is None) == obeys
+    assert (guard.stop.calls_for_stop is None) == obeys
     assert isinstance(guard.error, UnstoppedArmError) != obeys
     assert guard.arm.stopped != obeys
-    assert guard.is_stranded != obeys
+    assert guard.stop.is_stranded != obeys
 
 
 def test_an_arm_that_fails_while_it_leaves_is_a_second_fault_and_one_that_has_left_is_none(guard):
     stopped_at(guard)
-    guard.failed("s: the sensor is disconnected", "s")
+    guard.stop.failed("s: the sensor is disconnected", "s")
     assert "disconnected" not in guard.reason  # it is not needed to leave
     guard.check("r", height(-0.0018, period=6e-3))
-    guard.failed("r: the robot is in a protective stop; unlock it.", "r")
-    assert guard.is_stranded
+    guard.stop.failed("r: the robot is in a protective stop; unlock it.", "r")
+    assert guard.stop.is_stranded
     assert (
         "; the arm was to leave, and that has failed: r: the robot is in a protective stop; unlock it. The tip stands "
         "at a height of -1.8 mm and feels 12.5 N." in guard.reason
@@ -582,20 +582,20 @@ def test_an_arm_that_fails_while_it_leaves_is_a_second_fault_and_one_that_has_le
 
 
 def test_an_arm_that_never_ends_its_retraction_is_said(guard):
-    guard.demand_rest(8.0)
+    guard.stop.demand_rest(8.0)
     assert guard.reason is None  # nothing was stopped
     stopped_at(guard)
     guard.check("r", height(-0.002, period=6e-3))
-    guard.halt_late()
+    guard.stop.halt_late()
     assert guard.arm.stopped
-    guard.demand_rest(8.0)
+    guard.stop.demand_rest(8.0)
     assert "that has failed: r: no end of its motion within 8 s. The tip stands at a height of -2.0 mm" in guard.reason
-    assert guard.calls_for_stop is None
+    assert guard.stop.calls_for_stop is None
 
 
 def test_an_arm_that_fails_without_states_since_the_stop_is_called_out(guard, capsys):
     guard.check("r", height(-0.002, period=6e-3))  # it stood, before the stop
-    guard.failed("r: its process ended (killed by SIGKILL).", "r")
+    guard.stop.failed("r: its process ended (killed by SIGKILL).", "r")
     call = "PRESS THE EMERGENCY STOP: no states show that the tip stands; at last it was at a height of -2.0 mm"
     assert f"killed by SIGKILL). {call}" in guard.reason
     assert capsys.readouterr().err.startswith(f"\apalpate: {call}")

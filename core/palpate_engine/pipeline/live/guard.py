@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 from palpate.clocks import clock, host_time_ns
-from palpate.device import Arm, Batch, Retractable
+from palpate.device import Arm, Batch
 from palpate.errors import DeviceError, UnstoppedArmError
 from palpate.sink import GuardState
 from palpate.vectors import Floats
 
 from palpate_engine.alignment import Port, Ports
+from palpate_engine.pipeline.live.arm_stop import ArmStop
 from palpate_engine.pipeline.live.contact_force import ContactForce
 from palpate_engine.pipeline.live.host_watch import HostWatch
 from palpate_engine.pipeline.live.peak_force import PeakForce
@@ -23,10 +23,8 @@ from palpate_engine.pipeline.live.signal_watch import AHEAD, SignalWatch, refuse
 from palpate_engine.pipeline.live.standstill import Noise, Standstill, refuse_unsteady
 from palpate_engine.pipeline.live.stopped_tip import StoppedTip
 from palpate_engine.safety import SafetySettings
-from palpate_engine.safety.emergency import call_for_stop
 
 _ENOUGH = 10  # readings
-_BRAKES, _REPEATS = 1.0, 2.0  # [s] at most from a stop to a standstill; for which a stop is repeated
 _PULL = 0.5  # of the force that stops: so much below zero is not adhesion
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
@@ -53,29 +51,24 @@ class Guard:
         self._named = self.contact.components.index(ports["force"].column)
         self._tip, self._deeper = StoppedTip(), False  # whether it went down lately
         self.rise = RiseCheck(ports["force"], ports["position"])
-        self._arms: list[Arm] = []
-        self._moving: set[str] = set()  # devices whose motion goes on
         self._ended: set[str] = set()  # devices that have sent their last batch
         self.ended_early: set[str] = set()  # those of them that no safety check needs
-        self._lock = threading.Lock()
-        self._over = clock().event()
-        self.reason: str | None = None
-        self.tripped: float | None = None  # monotonic [s]
-        self._first_reason = ""
-        self.is_stranded = False  # whether an arm was to stop or leave and did not
-        self.calls_for_stop: float | None = None  # monotonic [s] since when a person has to press the emergency stop
-        self._is_halt_requested = False
-        self._halted: float | None = None  # monotonic [s] since when arms are to stop where they are
         self.peak = PeakForce()
-        self._host = HostWatch(limits.held_up if limits is not None else None, self._over, self.trip)
+        self.stop = ArmStop(self._tip, self.peak)
+        self._host = HostWatch(limits.held_up if limits is not None else None, self.stop.over, self.trip)
+
+    @property
+    def reason(self) -> str | None:
+        """Why the arms were stopped; None where they were not."""
+        return self.stop.reason
 
     @property
     def state(self) -> GuardState:
         """What it does now."""
         if self.reason is not None:
-            return GuardState("tripped", self.reason, self.peak.tared, self.calls_for_stop is not None)
+            return GuardState("tripped", self.reason, self.peak.tared, self.stop.calls_for_stop is not None)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._host.is_watching else "standstill"
-        return GuardState("over" if self._over.is_set() else phase, None, self.peak.tared)
+        return GuardState("over" if self.stop.over.is_set() else phase, None, self.peak.tared)
 
     @property
     def force(self) -> Port:
@@ -101,12 +94,10 @@ class Guard:
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
-        self._arms, self._moving = list(arms.values()), set(arms)
         for watch in (self._force, self._position):
             watch.begin()
         self._host.expect(watch.port.device for watch in (self._force, self._position))
-        if self.reason is not None:
-            self._stop_arms()
+        self.stop.begin(arms)
         for device in [*self._ended] if arms else ():
             self._ended_early(device)
         self._host.start()
@@ -115,90 +106,20 @@ class Guard:
         """A device has sent its last batch: an arm because its motion is done, others too early while an arm moves."""
         self._ended.add(device)
         self._host.forget(device)
-        if device in self._moving:
-            self._moving.discard(device)
-            if not self._moving:
-                self._over.set()
-        elif self._moving:
+        if device in self.stop.moving:
+            self.stop.note_end(device)
+        elif self.stop.moving:
             self._ended_early(device)
-
-    def failed(self, text: str, device: str, error: BaseException | None = None) -> None:
-        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave.
-
-        Of an arm that moves, `error` may say whether it stands; else states since the stop have to show it.
-        """
-        if self._over.is_set():
-            return
-        self.trip(text)
-        if device not in self._moving:
-            return
-        stands = not isinstance(error, UnstoppedArmError) and (
-            self._tip.shows_rest or (isinstance(error, DeviceError) and error.arm_stands)
-        )
-        speed = error.speed if isinstance(error, UnstoppedArmError) else self._tip.speed
-        rest = self._tip.rest_sentence(self.peak.latest, stands, speed)
-        if not text.startswith(self._first_reason):
-            self._strand(text, stands, rest)
-        elif self.calls_for_stop is None:
-            self._add_sentence(text.removeprefix(self._first_reason) + rest)
-        if not stands:
-            self._call_for_stop(rest)
-
-    def demand_rest(self, patience: float) -> None:
-        """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
-        if self.tripped is not None and self._moving and not self._over.is_set():
-            stands = self._tip.shows_rest
-            rest = self._tip.rest_sentence(self.peak.latest, stands, self._tip.speed)
-            late = f"{', '.join(sorted(self._moving))}: no end of its motion within {patience:g} s"
-            self._strand(late, stands, rest)
-            if not stands:
-                self._call_for_stop(rest)
-
-    def _strand(self, text: str, stands: bool, rest: str) -> None:
-        self.is_stranded = True
-        self._add(self._tip.stranded(text, stands, rest))
-
-    def _call_for_stop(self, rest: str) -> None:
-        """Let a person press the emergency stop, and stop the arms on and on for a while."""
-        if self.calls_for_stop is None:
-            self.is_stranded, self.calls_for_stop = True, clock().now()
-            call_for_stop(f"{rest.strip()} The cause: {self._first_reason}")
-        self.halt()
-
-    def halt_late(self) -> None:
-        """Stop arms that should have ended their motion."""
-        if self.tripped is not None and self._moving and not self._over.is_set():
-            self.halt()
-
-    def halt_on_request(self) -> None:
-        """Stop the arms where they are, since a person asks for it a second time."""
-        if not self._is_halt_requested and self._moving:
-            self._is_halt_requested = True
-            self.halt()
-
-    def report_halt(self) -> str:
-        """Add to the reason, and return, what is to be known of an arm that was stopped on its way out on request."""
-        if not self._is_halt_requested or self.calls_for_stop is not None or not self._tip.shows_rest:
-            return ""
-        text = self._tip.pressed_in(self.peak.latest)
-        self._add(text)
-        return text
-
-    def halt(self) -> None:
-        """Stop the arms where they are, also those that are leaving."""
-        self._halted = self._halted or clock().now()
-        for arm in self._arms:
-            arm.stop()
 
     @property
     def error(self) -> DeviceError:
         """What the run ends with."""
-        kind = DeviceError if self.calls_for_stop is None else UnstoppedArmError
+        kind = DeviceError if self.stop.calls_for_stop is None else UnstoppedArmError
         return kind(self.account)
 
     def _ended_early(self, device: str) -> None:
         needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
-        if needed or device in self._moving:
+        if needed or device in self.stop.moving:
             what = f"{' and '.join(needed)} can no longer be watched" if needed else "its motion has not begun"
             self.trip(f"the stream of {device} has ended: {what}")
         else:
@@ -206,44 +127,17 @@ class Guard:
 
     def close(self) -> None:
         """The motion is over."""
-        self._over.set()
+        self.stop.end()
         self._host.join()
-        self._arms = []  # their links are about to go
 
     def trip(self, reason: str) -> None:
         """Stop the arms: from any thread; the first reason is kept."""
-        with self._lock:
-            if self.reason is not None:
-                return
-            self.reason = self._first_reason = reason
-            self.tripped = clock().now()
-            self._tip.stop()
-        self._stop_arms()
-
-    def _add(self, hint: str) -> None:
-        """Append a hint to the reason, also where an arm that stopped itself has given it."""
-        with self._lock:
-            if self.reason is not None and not self.reason.endswith(hint):
-                self.reason += hint
-
-    def _add_sentence(self, text: str) -> None:
-        """Append sentences to the reason."""
-        with self._lock:
-            if self.reason is not None:
-                self.reason = f"{self.reason.rstrip('.')}.{text}"
-
-    def _stop_arms(self) -> None:
-        for arm in self._arms:
-            if isinstance(arm, Retractable):
-                arm.retract()
-            else:
-                self._halted = clock().now()
-                arm.stop()
+        self.stop.trip(reason)
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
         """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
         key = (device, batch.stream)
-        if self._over.is_set():
+        if self.stop.over.is_set():
             if self.reason is not None and self._force.port.key == key and (tare := self.contact.tare) is not None:
                 self.peak.note(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
             return
@@ -294,27 +188,9 @@ class Guard:
         self._deeper = float(height[-1]) < self._tip.height
         self._tip.note(batch.received, height)
         self.rise.note_tip(batch, self._tip.height)
-        if self.reason is not None:
-            self._check_obedience(limits)
+        self.stop.check_obedience(limits)
         if (lowest := float(height.min())) < limits.low[2]:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
-
-    def _check_obedience(self, limits: SafetySettings) -> None:
-        """Call for the emergency stop where arms go on inwards after a stop, or do not stand in time."""
-        now = clock().now()
-        if not self._moving:
-            return
-        if self.calls_for_stop is not None:
-            if now - self.calls_for_stop < _REPEATS:
-                self.halt()
-            return
-        text = self._tip.disobedience(limits)
-        if text is None and self._halted is not None and now - self._halted > _BRAKES and not self._tip.shows_rest:
-            text = f"; the arm does not obey: it does not stand {_BRAKES:g} s after it was stopped."
-        if text is not None:
-            rest = self._tip.rest_sentence(self.peak.latest, False, self._tip.speed)
-            self._add(text + rest)
-            self._call_for_stop(rest)
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
         if self.contact.tare is None:
@@ -340,7 +216,7 @@ class Guard:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
             if pushed < -_PULL * limits.stop_force and self._deeper:
-                self._add(_REVERSED)
+                self.stop.add(_REVERSED)
 
     def awaits_readings(self, waited: float) -> bool:
         """Return True if readings from before the arms stood may still come, a time [s] after that; only after a

@@ -74,9 +74,9 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.failed(str(error), name, error)
+            self._guard.stop.failed(str(error), name, error)
         except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
-            self._guard.failed(f"{name}: {type(error).__name__}: {error}", name)
+            self._guard.stop.failed(f"{name}: {type(error).__name__}: {error}", name)
         finally:
             self._guard.ended(name)
             self._hand_on(name, gathered)
@@ -101,7 +101,7 @@ class LiveLinks:
         Once the guard has tripped, arms have `patience` [s] to come to rest.
         """
         while self._running & (self._moving or self._running):
-            tripped = self._guard.tripped
+            tripped = self._guard.stop.tripped
             if tripped is not None and (not self._moving or clock().now() - tripped > patience):
                 return
             yield self._next(_LOOK)

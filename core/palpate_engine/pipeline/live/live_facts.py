@@ -89,5 +89,5 @@ def motion_facts(links: Mapping[str, Link], largest_backlog: int, guard: Guard) 
         guard.peak.tared,
         guard.peak.untared,
         tuple(sorted(guard.ended_early)),
-        None if guard.account is None or guard.tripped is None else (guard.account, guard.tripped),
+        None if guard.account is None or guard.stop.tripped is None else (guard.account, guard.stop.tripped),
     )

@@ -57,7 +57,7 @@ def run_live(flow: Flow) -> None:
     # Children that have ended count as well; what the devices did is all in here.
     used = clock().processor_time() - before
     facts.cpu_cores = used / max(clock().now() - began, 1e-9)
-    if guard.account is not None and (flow.interrupt.reason is None or guard.is_stranded):
+    if guard.account is not None and (flow.interrupt.reason is None or guard.stop.is_stranded):
         raise guard.error
 
 

@@ -105,7 +105,7 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
     except BaseException as error:
         guard.trip(error_text(error))
         _await_end(live)  # let the arms retract
-        if guard.is_stranded:
+        if guard.stop.is_stranded:
             raise guard.error from error
         raise
 
@@ -113,11 +113,11 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
 def _await_end(live: LiveRun) -> None:
     """Wait until the arms are done; those that are not in time after a stop are stopped where they are."""
     _await_arms(live, _PATIENCE)
-    live.guard.halt_late()
+    live.guard.stop.halt_late()
     _await_arms(live, _PATIENCE + _BRAKES)
-    live.guard.demand_rest(_PATIENCE)
+    live.guard.stop.demand_rest(_PATIENCE)
     if live.interrupt.reason is not None:
-        live.interrupt.reason += live.guard.report_halt()
+        live.interrupt.reason += live.guard.stop.report_halt()
 
 
 def _await_arms(live: LiveRun, patience: float) -> None:
@@ -128,4 +128,4 @@ def _await_arms(live: LiveRun, patience: float) -> None:
         if interrupt.reason is not None:
             guard.trip(interrupt.reason)  # a signal takes note, and trips nothing
         if interrupt.asks_for_halt:
-            guard.halt_on_request()
+            guard.stop.halt_on_request()
