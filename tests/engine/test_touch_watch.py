@@ -89,27 +89,6 @@ def test_what_is_no_force_of_the_material_stops_before_or_in_the_touch(force_of,
     assert words in watch_motion(heights, force_of)[0]
 
 
-def wrapped(level):
-    """The force of 2 N/mm, beyond a level [N] read from the other end of the range."""
-    return lambda height, time: (press(2e3, 1.0)(height, time) + level) % (2.0 * level) - level
-
-
-@pytest.mark.parametrize("level", [1.0, 3.0])
-def test_a_number_that_has_passed_its_end_stops_the_touch(level):
-    """Of 3 N/mm that were stated: without this the force rises from the other end, and stops nothing."""
-    text, height, _, _ = watch_motion(np.concatenate([TRAVEL, descent(4e-3)]), wrapped(level))
-    assert "where the tip presses, and the force is unknown: has the sensor passed the end of its numbers" in text
-    assert level < 2e3 * -height < level + 0.5
-
-
-def test_a_material_that_holds_the_tip_on_its_way_out_stops_nothing():
-    """By 1 N, from half of the depth on."""
-    heights = np.concatenate([TRAVEL, descent(2e-3), TRAVEL])
-    turn = (len(TRAVEL) + len(descent(2e-3)) // 2) * STEP
-    sticky = lambda height, time: -1.0 if time > turn and -1e-3 < height < 0.2e-3 else press(2e3)(height, time)  # noqa: E731
-    assert watch_motion(heights, sticky)[0] is None
-
-
 @pytest.mark.parametrize(("zero_time", "stops"), [(-2.0, False), (0.0, True)])
 def test_a_stated_drift_counts_from_the_standstill(zero_time, stops):
     """The zero drifts for two seconds before the first reading that is judged."""

@@ -16,7 +16,6 @@ _SIGNIFICANT = 5.0  # standard uncertainties
 _LARGEST_SHIFT = 0.5  # [N] of the zero by a drift that was seen, or of a pull before contact: 5 times a UR's in air
 _SMALL = 0.1  # [N] of excess that the last digit of a coarse sensor makes, or a material's damping
 _LATE = 0.15  # [s] by which the mean of 20 readings may be late: of a sensor of 100 Hz by 0.1
-_TURN = 0.1e-3  # [m] above the deepest place, from which on the tip leaves; a choice, 20 times a pose's noise
 _SEEN = 10.0  # [s] from which a drift shows: a mean of half a second scatters by some 5 mN
 _LEAVING = 0.1  # [s] after the tip has come to free air, in which readings may still be of the material
 _SHORTEST, _LONGEST = 0.1, 0.5  # [s] of readings in free air that are compared with the standstill
@@ -26,9 +25,8 @@ class TouchWatch:
     """Compares the force with what the place of the tip allows.
 
     In free air it is that of the standstill, within 5 standard uncertainties, what inertia adds, and the drift; before
-    contact, and where the tip presses, nothing pulls it; and at a depth d past the place of the first contact the force
-    is at most K d, with K of the stiffest material that may be met. On a way along the skin, which may rise by as much,
-    that counts as depth.
+    contact nothing pulls the tip; and at a depth d past the place of the first contact it is at most K d, with K of the
+    stiffest material that may be met. On a way along the skin, which may rise by as much, that counts as depth.
     """
 
     def __init__(self, sound: SoundForce, contact: ContactSearch, zero_time: float) -> None:
@@ -39,7 +37,6 @@ class TouchWatch:
         self._first = self._last = 0.0  # [s] of them
         self._drift = sound.drift  # [N/s]
         self._was_touched = False  # since the tip was last in free air
-        self._deepest = -math.inf  # [m] inwards, since then
         self._foot: Sequence[float] | None = None  # place (3,) [m] of the first contact
         self._first_way = self._lateral = 0.0  # [m] inwards there; across since then
         self._lately: deque[tuple[float, float]] = deque(maxlen=2)  # begin [s] of two stretches, way inwards [m]
@@ -59,12 +56,11 @@ class TouchWatch:
         self._note_way(time, way)
         if self._contact.foot is None:
             self._foot = self._begin = None
-            return text or self._pull(time, way)
+            return text or self._pull(time)
         return text or self._excess(time, count, total, way, place)
 
     def _note_way(self, time: float, way: float) -> None:
-        """Keep how deep the tip was within the time for which a reading may be late, and in all since free air."""
-        self._deepest = max(self._deepest, way)
+        """Keep how deep the tip was within the time for which a reading may be late."""
         if not self._lately or time - self._lately[-1][0] > _LATE:
             self._lately.append((time, way))
         else:
@@ -74,8 +70,7 @@ class TouchWatch:
     def _air_fault(self, time: float, count: int, total: float, in_air: bool) -> str | None:
         """Return why the zero in free air is another one than at standstill, at its end or after half a second."""
         if in_air and self._air_began is None:
-            self._air_began, self._count, self._sum = time, 0, 0.0
-            self._was_touched, self._deepest = False, -math.inf
+            self._air_began, self._count, self._sum, self._was_touched = time, 0, 0.0, False
         if self._air_began is None:
             return None
         if in_air and time - self._air_began < _LEAVING:
@@ -110,25 +105,16 @@ class TouchWatch:
         elapsed = time - self._zero_time
         return max(self._sound.drift * elapsed, min(self._drift * elapsed, _LARGEST_SHIFT))
 
-    def _pull(self, time: float, way: float) -> str | None:
-        """Return what pulls the tip before it touches, or where it has pressed and goes on inwards."""
+    def _pull(self, time: float) -> str | None:
+        """Return what pulls the tip before it touches."""
         mean, sound = self._contact.mean, self._sound
-        if mean is None or mean >= -max(self._contact.least + self._shift(time), _LARGEST_SHIFT):
+        if mean is None or self._was_touched:
             return None
-        if self._was_touched:
-            # On its way out a material may hold the tip.
-            is_leaving = way < self._deepest - _TURN
-            return None if is_leaving else self._pressed_pull(mean)
+        if mean >= -max(self._contact.least + self._shift(time), _LARGEST_SHIFT):
+            return None
         return (
             f"{sound.name} fell to {mean:.2f} N before a contact was felt: is something pulling at the cable, has the "
             "zero of the sensor moved, or does it count the other way round ([alignment] force sign = -1)?"
-        )
-
-    def _pressed_pull(self, mean: float) -> str:
-        """Return what a pull [N] means where the tip presses."""
-        return (
-            f"{self._sound.name} fell to {mean:.2f} N where the tip presses, and the force is unknown: has the sensor "
-            "passed the end of its numbers, is something pulling at the cable, or has its zero moved?"
         )
 
     def _excess(self, time: float, count: int, total: float, way: float, place: Sequence[float]) -> str | None:
