@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from palpate import Floats
 from palpate_engine.config import load_pipeline
-from palpate_maps.lump_criteria import FWHM
+from palpate_maps.body_field import FWHM
 from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, make_map, sites_along, sites_on
 from sweeps import paths
 

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from palpate import Floats, Samples
 from palpate_engine.config import Pipeline, load_pipeline
-from palpate_maps.lump_criteria import FWHM, TrackResponse
+from palpate_maps.body_field import FWHM
+from palpate_maps.lump_criteria import TrackResponse
 from palpate_maps.map_analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
 from palpate_maps.track_response import response_of
 from palpate_simulation.skin_under_tip import SkinUnderTip

@@ -25,7 +25,7 @@ _SLOW = 0.5e-3  # [m/s] of commands, a choice: below it an arm is not commanded 
 class ArmExit:
     """The three ways in which the process ends: a motion that is over, a main job that is gone, a fault.
 
-    `record` takes over and records a new state, whatever it says, and returns False where there is none; states older
+    `record` takes over and records a new state, whatever it says, and returns False without one; states older
     than `timeout` [s] are missing. None for a commander means that no state has come yet.
     """
 
@@ -37,10 +37,10 @@ class ArmExit:
 
     def finish(self, commander: Commander | None, facts: dict[str, Any], take_state: Callable[[], object]) -> NoReturn:
         """End a motion that is over, one way or the other, with `facts` of it; go when the main job says so."""
-        rest = self._come_to_rest(commander, _DISOBEDIENCE, True)
-        if rest.complaint or not rest.is_shown:
-            fault = rest.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
-            self._parent.tell("fault", text=fault, stands=rest.is_shown)
+        standstill = self._come_to_rest(commander, _DISOBEDIENCE, True)
+        if standstill.complaint or not standstill.is_shown:
+            fault = standstill.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
+            self._parent.tell("fault", text=fault, stands=standstill.is_shown)
             host().leave(1)
         self._parent.tell("done", **facts)
         while not self._parent.gone:
@@ -70,8 +70,10 @@ class ArmExit:
             self._parent.tell("fault", text=text, stands=False)
             host().leave(1)
         self._parent.tell("failing", text=text)
-        rest = self._come_to_rest(commander, text, isinstance(fault, GarbledStateError) or not driver.has_watchdog)
-        self._parent.tell("fault", text=text + rest.complaint, stands=rest.is_shown)
+        standstill = self._come_to_rest(
+            commander, text, isinstance(fault, GarbledStateError) or not driver.has_watchdog
+        )
+        self._parent.tell("fault", text=text + standstill.complaint, stands=standstill.is_shown)
         host().leave(1)
 
     def _come_to_rest(self, commander: Commander | None, fault: str, at_once: bool) -> Rest:
@@ -81,7 +83,7 @@ class ArmExit:
             return Rest(True)
         beat = lambda: self._ring.beat(clock().now_ns())  # noqa: E731
         warn = lambda speed: self._parent.tell("astray", text=fault, speed=speed)  # noqa: E731
-        rest = ArmRest(robot, self._record, beat, warn)
+        arm_rest = ArmRest(robot, self._record, beat, warn)
         if commander is None or commander.mode == "hold":
-            return rest.stop_once()
-        return rest.come_to_rest(at_once, commander.speed > _SLOW, self._timeout)
+            return arm_rest.stop_once()
+        return arm_rest.come_to_rest(at_once, commander.speed > _SLOW, self._timeout)

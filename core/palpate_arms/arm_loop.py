@@ -136,7 +136,7 @@ class ArmLoop:
 
     @property
     def _oldest(self) -> float:
-        """How old [s] a state may be, above the promptest since the connection."""
+        """Age [s] that a state may have, above the promptest since the connection."""
         return math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
 
     def _unfit_driver(self) -> str | None:

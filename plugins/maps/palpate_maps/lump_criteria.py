@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from palpate import Floats
 
-if TYPE_CHECKING:
-    from palpate_maps.body_field import BodyFit
+from palpate_maps.body_field import FWHM, BodyFit
 
 # A lump of one small body is some 10 mm wide, the width of the contact; both limits are choices, and give a warning.
 _LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
@@ -90,7 +89,6 @@ class Lump:
 # axis is a^2/5, with even weights a^2/4. The middle is taken; its uncertainty is a choice, for a depth that varies.
 _BLUR_VARIANCE = (1 / 5 + 1 / 4) / 2  # of a^2
 _BLUR_STD = 0.2  # relative, of the blur's standard deviation
-FWHM = 2.3548  # full width at half of the height over the standard deviation of a Gaussian: 2 sqrt(2 log 2)
 
 
 def size_without_tip(width: float, width_std: float, contact_radius: float) -> tuple[float, float] | None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate_maps.lump_criteria import FWHM, LumpPower, LumpSettings
+from palpate_maps.body_field import FWHM
+from palpate_maps.lump_criteria import LumpPower, LumpSettings
 
 WIDTHS = (4e-3, 6e-3, 8e-3, 10e-3, 15e-3, 20e-3)  # [m] at half their height, of virtual lumps
 EXCLUDED_PROBABILITY = 0.95  # of finding what an exam excludes: a choice, as of a risk

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_maps.lump_criteria import FWHM, Findings, Lump
+from palpate_maps.body_field import FWHM
+from palpate_maps.lump_criteria import Findings, Lump
 from palpate_maps.next_places import SETTLED, is_placed, lumps_apart, passes
 from palpate_maps.search_area import Area
 from palpate_maps.sites import Sites, line_coordinate

@@ -127,8 +127,8 @@ def interpolated(
     covariance are added: a field of one length is either too smooth for them or too rough for the rest.
     """
     if fit is not None:
-        rest = replace(sites, log=sites.log - fit.rise_at(sites.place)[0])
-        mean, std, length = interpolated(rest, nodes, fit.level, least_length)
+        background = replace(sites, log=sites.log - fit.rise_at(sites.place)[0])
+        mean, std, length = interpolated(background, nodes, fit.level, least_length)
         height, height_std = fit.rise_at(nodes)
         return mean + height, np.hypot(std, height_std), length
     kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), least_length=least_length)

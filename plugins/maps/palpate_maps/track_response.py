@@ -10,8 +10,9 @@ from palpate import Estimates, Floats, PalpateError, Samples, Status
 from palpate_engine import Flow, Pipeline, build_pipeline, each, interruptible, run_flow, start_tracks
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 
-from palpate_maps.lump_criteria import FWHM, TrackResponse
-from palpate_maps.sites import way_directions
+from palpate_maps.body_field import FWHM
+from palpate_maps.lump_criteria import TrackResponse
+from palpate_maps.sites import travel_directions
 from palpate_maps.stiffness_field import distances, near
 
 # Choices of decision 0577.
@@ -53,7 +54,7 @@ def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackRe
         return None
     shape = np.exp(-0.5 * (distances(samples.lateral, middles) / SIGMA) ** 2)
     shape = np.where(np.isfinite(shape), shape, 0.0).sum(axis=1)
-    names = [known.name for known in pipeline.tracks[0].model.parameters]
+    names = [parameter.name for parameter in pipeline.tracks[0].model.parameters]
     values = []
     for height in (0.0, _CONTRAST):
         (running,) = start_tracks(pipeline)
@@ -102,7 +103,7 @@ def _fitted(samples: Samples, middles: Floats, difference: Floats) -> TrackRespo
     from scipy.optimize import least_squares
 
     rows = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), _MAX_POINTS)).astype(int))
-    direction = way_directions(samples.time, samples.lateral)[rows]
+    direction = travel_directions(samples.time, samples.lateral)[rows]
     nearest = np.argmin(distances(samples.lateral[rows], middles), axis=1)
     offset = samples.lateral[rows] - middles[nearest]
 

@@ -18,8 +18,8 @@ def sine_stretch(time: Floats, height: Floats, frequencies: Sequence[float] | No
     """Return the rows in which a motion (n,) [m] is a sum of sines, and their frequencies [Hz], ascending.
 
     All rows where sines explain the whole record; else those in its middle, and the blocks before and after that
-    continue them. Frequencies are found in it unless they are stated. None where the motion is no sum of sines; raises
-    ConfigurationError where those of stated frequencies do not explain it.
+    continue them. Frequencies are found in it unless they are stated. None where sines do not explain the motion;
+    raises ConfigurationError where those of stated frequencies do not explain it.
     """
     best = 0.0
     middle = slice(*(int(share * len(time)) for share in _MIDDLE))
@@ -55,8 +55,8 @@ def explained_share(time: Floats, height: Floats, frequencies: Floats) -> float:
 
 def _square_rest(columns: Floats, values: Floats) -> float:
     """Return the squares that least squares of columns leave of values (n,)."""
-    rest = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    return float(rest @ rest)
+    residual = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    return float(residual @ residual)
 
 
 def _extended(time: Floats, height: Floats, frequencies: Floats, part: slice) -> slice:

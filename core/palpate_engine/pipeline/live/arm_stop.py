@@ -40,18 +40,18 @@ class ArmStop:
         self._halted: float | None = None  # monotonic [s] since when arms are to stop where they are
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
-        """From now on these are to be stopped; at once where there is a reason already."""
+        """Take the arms to be stopped from now on; at once where a reason is known already."""
         self._arms, self.moving = list(arms.values()), set(arms)
         if self.reason is not None:
             self._stop_arms()
 
     def end(self) -> None:
-        """The motion is over, and the links of the arms are about to go."""
+        """Take note that the motion is over, and the links of the arms are about to go."""
         self.over.set()
         self._arms = []
 
     def note_end(self, device: str) -> None:
-        """An arm has sent its last batch: its motion is done."""
+        """Take note of an arm that has sent its last batch: its motion is done."""
         self.moving.discard(device)
         if not self.moving:
             self.over.set()
@@ -87,7 +87,7 @@ class ArmStop:
                 self.reason = f"{self.reason.rstrip('.')}.{text}"
 
     def failed(self, text: str, device: str, error: BaseException | None = None) -> None:
-        """A device has failed: no fault once all arms are done, a second one of an arm that is to leave.
+        """Take note of a device that has failed: no fault once all arms are done, a second one of an arm that leaves.
 
         Of an arm that moves, `error` may say whether it stands; else states since the stop have to show it.
         """
@@ -100,13 +100,13 @@ class ArmStop:
             self._tip.shows_rest or (isinstance(error, DeviceError) and error.arm_stands)
         )
         speed = error.speed if isinstance(error, UnstoppedArmError) else self._tip.speed
-        rest = self._tip.rest_sentence(self._peak.latest, stands, speed)
+        standstill = self._tip.rest_sentence(self._peak.latest, stands, speed)
         if not text.startswith(self._first_reason):
-            self._strand(text, stands, rest)
+            self._strand(text, stands, standstill)
         elif self.calls_for_stop is None:
-            self._add_sentence(text.removeprefix(self._first_reason) + rest)
+            self._add_sentence(text.removeprefix(self._first_reason) + standstill)
         if not stands:
-            self._call_for_stop(rest)
+            self._call_for_stop(standstill)
 
     def check_obedience(self, limits: SafetySettings) -> None:
         """Call for the emergency stop where arms go on inwards after a stop, or do not stand in time."""
@@ -121,35 +121,35 @@ class ArmStop:
         if text is None and self._halted is not None and now - self._halted > _BRAKES and not self._tip.shows_rest:
             text = f"; the arm does not obey: it does not stand {_BRAKES:g} s after it was stopped."
         if text is not None:
-            rest = self._tip.rest_sentence(self._peak.latest, False, self._tip.speed)
-            self.add(text + rest)
-            self._call_for_stop(rest)
+            standstill = self._tip.rest_sentence(self._peak.latest, False, self._tip.speed)
+            self.add(text + standstill)
+            self._call_for_stop(standstill)
 
     def demand_rest(self, patience: float) -> None:
         """Take note where arms that were stopped `patience` [s] ago have not ended their motion."""
         if not self._is_awaited:
             return
         stands = self._tip.shows_rest
-        rest = self._tip.rest_sentence(self._peak.latest, stands, self._tip.speed)
+        standstill = self._tip.rest_sentence(self._peak.latest, stands, self._tip.speed)
         late = f"{', '.join(sorted(self.moving))}: no end of its motion within {patience:g} s"
-        self._strand(late, stands, rest)
+        self._strand(late, stands, standstill)
         if not stands:
-            self._call_for_stop(rest)
+            self._call_for_stop(standstill)
 
     @property
     def _is_awaited(self) -> bool:
         """True while arms that were stopped have not ended their motion."""
         return self.tripped is not None and bool(self.moving) and not self.over.is_set()
 
-    def _strand(self, text: str, stands: bool, rest: str) -> None:
+    def _strand(self, text: str, stands: bool, standstill: str) -> None:
         self.is_stranded = True
-        self.add(self._tip.stranded(text, stands, rest))
+        self.add(self._tip.stranded(text, stands, standstill))
 
-    def _call_for_stop(self, rest: str) -> None:
+    def _call_for_stop(self, standstill: str) -> None:
         """Let a person press the emergency stop, and stop the arms on and on for a while."""
         if self.calls_for_stop is None:
             self.is_stranded, self.calls_for_stop = True, clock().now()
-            call_for_stop(f"{rest.strip()} The cause: {self._first_reason}")
+            call_for_stop(f"{standstill.strip()} The cause: {self._first_reason}")
         self.halt()
 
     def halt(self) -> None:

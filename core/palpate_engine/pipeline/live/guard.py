@@ -59,7 +59,7 @@ class Guard:
 
     @property
     def reason(self) -> str | None:
-        """Why the arms were stopped; None where they were not."""
+        """Reason why the arms were stopped; None where they were not."""
         return self.stop.reason
 
     @property

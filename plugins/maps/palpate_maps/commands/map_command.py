@@ -74,7 +74,7 @@ def map_run(
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
-    run = fit_first(run, tip, model, overrides) if is_of_curves(run, tip) else _run_first(run)
+    run = fit_first(run, tip, model, overrides) if is_of_curves(run, tip) else _run_first(run, overrides or [])
     of_curves = is_fit_folder(run)
     if where is not None and not of_curves:
         raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
@@ -113,14 +113,19 @@ def map_run(
     typer.echo(f"{sentence}\nwritten to {made.folder / name}.csv and next to it")
 
 
-def _run_first(run: Path) -> Path:
-    """The run folder; of a pipeline file, that of a run that is made now."""
+def _run_first(run: Path, overrides: list[str]) -> Path:
+    """Return the run folder; of a pipeline file, that of a run that is made now.
+
+    Raises ConfigurationError for overrides of a run that has ended.
+    """
     from palpate_engine import run_pipeline
 
     if run.suffix != ".toml":
+        if overrides:
+            raise ConfigurationError(f"{run}: has ended; `palpate replay` estimates it again with other facts")
         return run
     with progress(str(run), "s"):
-        made = run_pipeline(load_pipeline(run), None, report_progress)
+        made = run_pipeline(load_pipeline(run, overrides), None, report_progress)
     made.demand_whole()
     return made.folder
 

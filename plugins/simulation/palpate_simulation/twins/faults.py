@@ -204,7 +204,7 @@ _ACTIONS: dict[str, Action] = {
     "stuck-force": lambda world, _: world.electronics.stick(),
     "clipped-force": lambda world, words: world.electronics.clip(float(words[0])),
     "saturated-force": lambda world, words: world.electronics.clip(float(words[0]), float(words[1])),
-    "wrapped-force": lambda world, words: world.electronics.wrap(float(words[0])),
+    "wrapped-force": lambda world, limit: world.electronics.wrap(float(limit[0])),
     "scaled-force": lambda world, words: world.electronics.rescale(float(words[0])),
     "reduced-force": lambda world, words: world.electronics.reduce(float(words[0])),
     "compressed-force": lambda world, _: world.electronics.compress(),
