@@ -45,8 +45,9 @@ def surface_map_figure(
             for place, mark in ((sites, "."), (np.array(lumps).reshape(-1, 3), "+")):
                 _mark(axis, place, mark, view)
         for number, (x, y, _) in enumerate(lumps, 1):
-            place, shift = (1e3 * x, 1e3 * y), (3, 3)
-            row[0].annotate(f"{number}", place, shift, textcoords="offset points", color="red", fontsize="small")
+            row[0].annotate(
+                f"{number}", (1e3 * x, 1e3 * y), (3, 3), textcoords="offset points", color="red", fontsize="small"
+            )
         figure.colorbar(shown[-1], ax=row[-1], shrink=0.8, label=title)
     if excluded:
         draw_exclusion(axes[2, 0], excluded)

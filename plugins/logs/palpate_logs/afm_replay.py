@@ -76,7 +76,8 @@ class AfmReplay(Recording):
     @property
     def provenance(self) -> Mapping[str, str]:
         """The file, its SHA-256, and the curve."""
-        return file_facts(self.file, [self.file]) | ({} if self.record is None else {"record": self.record})
+        facts: Mapping[str, str] = file_facts(self.file, [self.file])
+        return {**facts, **({} if self.record is None else {"record": self.record})}
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:

@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from palpate import LogError
@@ -19,6 +19,8 @@ from palpate_records.log_files import regular
 from palpate_logs.curve_export import HDF5
 from palpate_logs.force_curve import BEFORE, FORCE, REST, WAY_IN, WAY_OUT, ForceCurve, positive
 from palpate_logs.jpk_curves import SUFFIXES as JPK, jpk_file
+
+_Loaded = TypeVar("_Loaded")
 
 _FILES = 4  # that stay open
 _WAYS = {  # by afmformats' imaging mode: what each number of a segment is
@@ -157,7 +159,7 @@ def _loaded(path: Path) -> list[Any]:
     return _by_afmformats(str(path), lambda afmformats: list(afmformats.load_data(path)))
 
 
-def _by_afmformats(name: str, load: Callable[[Any], Any]) -> Any:
+def _by_afmformats(name: str, load: Callable[[Any], _Loaded]) -> _Loaded:
     """Return what is loaded by afmformats; raises LogError where it is missing, or does not read the file."""
     try:
         with warnings.catch_warnings():  # of its own dependencies; what matters is raised

@@ -59,7 +59,7 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
     deviation of neighbouring samples is that of one of them, since a filter's errors are alike over many samples. The
     first second of a filter's estimates does not count.
     """
-    standing = ~travel_directions(path.time, path.place).any(axis=1)
+    standing: NDArray[np.bool_] = np.asarray(~travel_directions(path.time, path.place).any(axis=1))
     # A new stretch wherever the tip stops, starts or pauses, and in it a site for each piece of the way.
     step = np.r_[0.0, np.linalg.norm(np.diff(path.place, axis=0), axis=1)]
     pauses = np.r_[True, np.diff(path.time) > _PAUSE]
