@@ -36,13 +36,16 @@ class LogFit:
 def fits_of(
     loaded: Sequence[tuple[str, Pipeline]], folder: Path, scheduler: str | None, stage: str | None, pictures: bool
 ) -> Iterator[tuple[str, LogFit | PalpateError]]:
-    """What every log gives, as it is ready: in their order here, in any order on the workers of a scheduler."""
+    """Yield the fit of every log, or why it failed, by its name.
+
+    In the order of the logs; on the workers of a scheduler as each is ready.
+    """
     work = partial(fit_or_find, pictures=pictures)
     jobs = {name: Job(name, pipeline, folder / name, work) for name, pipeline in loaded}
     pipelines = dict(loaded)
     if scheduler is not None:
-        with closing(on_cluster(scheduler, folder, stage)([*jobs.values()])) as found:
-            for job, outcome in found:
+        with closing(on_cluster(scheduler, folder, stage)([*jobs.values()])) as outcomes:
+            for job, outcome in outcomes:
                 yield job.name, _log_fit(job.name, pipelines[job.name], outcome)
         return
     for name, job in jobs.items():

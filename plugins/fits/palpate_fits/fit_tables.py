@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 Tracks = Mapping[str, TrackResult]
+# Columns of a comparison behind the unknowns.
+_NUMBERS = ("surface\nmm", "residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorrelation", "samples", "effective")
 
 
 def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
@@ -93,13 +95,12 @@ def comparison(logs: Mapping[str, Tracks]) -> Table:
     units = {name: unit for tracks in logs.values() for track in tracks.values() for name, unit in _unknowns(track)}
     values = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
     left = [*head, "track"]
-    numbers = ["surface\nmm", "residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorrelation", "samples", "effective"]
     rows = [
         [*([log] if head else []), label, *_row(track, list(units))]
         for log, tracks in logs.items()
         for label, track in tracks.items()
     ]
-    return Table.of("offline fits", [*left, *values, *numbers, "flags"], rows, [*left, "flags"])
+    return Table.of("offline fits", [*left, *values, *_NUMBERS, "flags"], rows, [*left, "flags"])
 
 
 def _unknowns(track: TrackResult) -> Iterator[tuple[str, str]]:
@@ -112,13 +113,14 @@ def _unknowns(track: TrackResult) -> Iterator[tuple[str, str]]:
 
 
 def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
+    """Return the cells of a track: its unknowns of these names, then `_NUMBERS`, then its flags."""
     codes = " ".join(sorted({flag.code for flag in track.flags}))
     report = track.report
     if not track.usable or (report is None and not any(math.isfinite(f.value) for f in track.parameters.values())):
-        said = "not fitted" if report is None else "not usable"
-        return [*([said] * len(names)), *([""] * 8), codes]
+        word = "not fitted" if report is None else "not usable"
+        return [*([word] * len(names)), *([""] * len(_NUMBERS)), codes]
     cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
-    cells.append(value_or_fixed(1e3 * track.surface.value, 1e3 * track.surface.combined))
+    cells.append(value_or_fixed(1e3 * track.surface.value, 1e3 * track.surface.combined))  # in mm
     if report is None:  # an offline estimator that is not a fit, or reports nothing
         return [*cells, "", f"{track.force_rms:.4g}", "", "", "", str(track.samples), "", codes]
     return [

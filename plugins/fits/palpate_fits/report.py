@@ -115,10 +115,10 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
 
     AIC and BIC are n log(rss/n) + 2 k and n log(rss/n) + k log n, the noise being one of the k parameters.
     """
-    fit, found = evaluated.fit, evaluated.scatter
+    fit, scatter = evaluated.fit, evaluated.scatter
     free, names = list(fit.residual.free), fit.unknowns.names
-    count, n = len(free) + 1, found.samples
-    likelihood = n * float(np.log(max(found.rss / n, _SMALLEST_VARIANCE)))
+    count, n = len(free) + 1, scatter.samples
+    likelihood = n * float(np.log(max(scatter.rss / n, _SMALLEST_VARIANCE)))
     record, used = fit.record, fit.record.used
     lowest = float(np.min(record.height, where=used, initial=np.inf))
     details = {
@@ -131,16 +131,16 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
         "rate_rms": _rms(record.rate if used.all() else record.rate[used]),
         "smoothing": fit.motion.window,
         "unknowns": _unknowns_table(evaluated, total),
-        "covariance": {"names": [names[i] for i in free], "matrix": found.covariance.tolist()},
-        "rss": found.rss,
-        "rms": float(np.sqrt(found.rss / n)),
-        "noise": found.noise,
+        "covariance": {"names": [names[i] for i in free], "matrix": scatter.covariance.tolist()},
+        "rss": scatter.rss,
+        "rms": float(np.sqrt(scatter.rss / n)),
+        "noise": scatter.noise,
         "aic": likelihood + 2 * count,
         "bic": likelihood + count * float(np.log(n)),
         "autocorrelation": {
-            "first": found.first_correlation,
-            "time": found.correlation_time,
-            "effective_samples": found.effective_samples,
+            "first": scatter.first_correlation,
+            "time": scatter.correlation_time,
+            "effective_samples": scatter.effective_samples,
         },
         "confidence": fit.settings.confidence,
         "included": list(_included(fit)),
@@ -150,7 +150,7 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
     }
     if fit.settings.bootstrap:
         details["bootstrap"] = block_bootstrap(
-            fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss, found, fit.settings.bootstrap,
+            fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss, scatter, fit.settings.bootstrap,
             fit.settings.seed, fit.settings.confidence,
         )  # fmt: skip
     return details

@@ -61,19 +61,24 @@ def _asked(
 
 
 def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask: Ask) -> StatedFacts:
-    """What only a person knows of files, one question for all files that it concerns."""
-    files: dict[FileQuestion, list[str]] = {}
+    """Return the facts with the answers of a person to questions on files, each put once for all files that have it.
+
+    Those without which files cannot be read come first, then those of the most files.
+    """
+    file_names: dict[FileQuestion, list[str]] = {}
     for file, question in questions.items():
-        files.setdefault(question, []).append(Path(file).name)
+        file_names.setdefault(question, []).append(Path(file).name)
     answered: set[tuple[str, str]] = set()
-    for question, names in sorted(files.items(), key=lambda item: (not item[0].needed, -len(item[1]))):
+    for question, names in sorted(file_names.items(), key=lambda item: (not item[0].needed, -len(item[1]))):
         if (question.key, question.name) in answered:  # one column of two dialects, which mean it in different units
             continue
         answered.add((question.key, question.name))
         others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        unread = ("they are not read" if others else "it is not read") if question.needed else "not known"
-        empty = question.guess or unread
-        text = f"{names[0]}{others}: {question.text}. Which is it? [Enter: {empty}]"
+        consequence = "not known"  # of no answer
+        if question.needed:
+            consequence = "they are not read" if others else "it is not read"
+        default = question.guess or consequence
+        text = f"{names[0]}{others}: {question.text}. Which is it? [Enter: {default}]"
         stated = _asked(stated, text, partial(_answered, stated, question), ask, question.guess)
     return stated
 

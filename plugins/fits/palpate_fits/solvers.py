@@ -18,6 +18,7 @@ from palpate_fits.unknowns import Unknowns
 _COST_TOLERANCE = 1e-12  # of the cost
 _STEP_TOLERANCE = 1e-10  # of the unknowns
 _GRADIENT_TOLERANCE = 1e-9
+_MAX_EVALUATIONS = 200
 _SMALLEST_RESIDUAL = 1e-300  # root of the sum of squares, in place of 0 in a quotient: near the smallest double
 _EXACT_RESIDUAL = 1e-12  # root of the sum of squares that a fit without error has for the size of steps (choice)
 _BOUND_MARGIN = 1e-9  # of the width between bounds, by which a start is inside them (choice)
@@ -67,7 +68,12 @@ def solve_lm(
 
 
 def solve_trf(
-    residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction, most: int = 200
+    residual: Residual,
+    unknowns: Unknowns,
+    record: FitRecord,
+    x: Floats,
+    loss: LossFunction,
+    most: int = _MAX_EVALUATIONS,
 ) -> Solution:
     """Return the minimum by trust-region reflective (Branch, Coleman and Li 1999; scipy), in `most` evaluations.
 

@@ -235,8 +235,8 @@ class FitTracker:
         mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
         if limit < abs(mean) + _TIGHT_SIGMAS * std:
             text = (
-                f"force_uncertainty of {limit:.3g} N is less than the force is off in air, {mean:+.3g} N, and 3 sigma "
-                f"of its mean, {3 * std:.2g} N"
+                f"force_uncertainty of {limit:.3g} N is less than the force is off in air, {mean:+.3g} N, and "
+                f"{_TIGHT_SIGMAS:g} sigma of its mean, {_TIGHT_SIGMAS * std:.2g} N"
             )
             notes.append(Flag("force-constraint-tight", text))
         lowest = constrained_surface(approach, limit)

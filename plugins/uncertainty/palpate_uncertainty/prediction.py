@@ -12,6 +12,7 @@ from palpate import Floats
 from palpate_engine import Result
 from palpate_kit.terminal.prediction_text import BLOCK, HALF, prediction_text
 
+_SMALLEST_LENGTH = 1e-300  # of a column in a quotient, in place of 0: near the smallest double
 BLOCKS = 20  # of a press, of which every second one is fitted: each half sees all depths
 FEWEST_SAMPLES = 100  # of a record, below which a half determines nothing
 
@@ -41,15 +42,16 @@ def predict_other_half(
     n = len(residual)
     if n < FEWEST_SAMPLES or not jacobian.shape[1]:
         return None
-    shown: NDArray[np.bool_] = np.arange(n) < n // 2 if oscillates else np.arange(n) * BLOCKS // n % 2 == 0
-    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    scaled = jacobian / lengths
-    step = np.linalg.lstsq(scaled[shown], residual[shown], rcond=None)[0]
-    predicted = residual[~shown] - scaled[~shown] @ step
-    mean_force = float(np.mean(np.abs(force[~shown])))
+    row = np.arange(n)
+    fitted: NDArray[np.bool_] = row < n // 2 if oscillates else row * BLOCKS // n % 2 == 0
+    # Columns of length 1, for least squares.
+    scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), _SMALLEST_LENGTH)
+    step = np.linalg.lstsq(scaled[fitted], residual[fitted], rcond=None)[0]
+    prediction_error = residual[~fitted] - scaled[~fitted] @ step
+    mean_force = float(np.mean(np.abs(force[~fitted])))
     if not mean_force > 0:
         return None
-    excess = max(float(np.mean(predicted**2)) - noise_variance, 0.0)
+    excess = max(float(np.mean(prediction_error**2)) - noise_variance, 0.0)
     return Prediction(math.sqrt(excess) / mean_force, HALF if oscillates else BLOCK)
 
 

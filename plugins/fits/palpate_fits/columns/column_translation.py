@@ -57,26 +57,30 @@ class ColumnTranslation(Translation):
         self._loop(whole, count, one, [], self._scalar, store)
 
     def _products(self, count: Any, whole: Any, sums: Any) -> None:
+        """Write the body of `products`: sums over `count` samples of y_i y_j, for each pair i <= j in four lanes.
+
+        The first `whole` samples, a multiple of four, are added four at a time; each of the others to its own lane.
+        """
         b, integer = self._b, self._ir.IntType(64)
         width = self._function.numel_out(1)
         pairs = [(i, j) for i in range(width) for j in range(i, width)]
 
-        def add(index: Any, before: Sequence[Any]) -> list[Any]:
+        def add_four(index: Any, totals: Sequence[Any]) -> list[Any]:
             y = self._outputs(index)
-            return [b.fadd(one, b.fmul(y[i], y[j])) for one, (i, j) in zip(before, pairs, strict=True)]
+            return [b.fadd(total, b.fmul(y[i], y[j])) for total, (i, j) in zip(totals, pairs, strict=True)]
 
         def add_one(index: Any, _: Sequence[Any]) -> list[Any]:
             y, lane = self._outputs(index), b.sub(index, whole)
             for k, (i, j) in enumerate(pairs):
-                place = b.gep(sums, [b.add(integer(k * LANES), lane)])
-                b.store(b.fadd(b.load(place), b.fmul(y[i], y[j])), place)
+                address = b.gep(sums, [b.add(integer(k * LANES), lane)])
+                b.store(b.fadd(b.load(address), b.fmul(y[i], y[j])), address)
             return []
 
-        nothing = [self._ir.Constant(self._vector, [0.0] * LANES)] * len(pairs)
-        found = self._loop(integer(0), whole, integer(LANES), nothing, self._vector, add)
+        zeros = [self._ir.Constant(self._vector, [0.0] * LANES)] * len(pairs)
+        totals = self._loop(integer(0), whole, integer(LANES), zeros, self._vector, add_four)
         self._double = self._vector
-        for k, value in enumerate(found):
-            self._b.store(value, self._place(sums, integer(k * LANES)), align=8)
+        for k, total in enumerate(totals):
+            self._b.store(total, self._place(sums, integer(k * LANES)), align=8)
         self._loop(whole, count, integer(1), [], self._scalar, add_one)
 
     def _loop(
