@@ -13,7 +13,7 @@ from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves, loss_rows
 from palpate_kit.jobs.cluster import connect_scheduler, loss_reason, spread
 
-_TOGETHER = 64  # curves that a worker is given at once: what a scheduler costs is a task's
+_PORTION = 64  # curves of one task (choice): a scheduler costs time for each task
 
 
 def on_workers(address: str, folder: Path, reader: CurveReader, curves: Iterable[Curve]) -> Iterator[list[Row]]:
@@ -23,25 +23,27 @@ def on_workers(address: str, folder: Path, reader: CurveReader, curves: Iterable
     reported and skipped. Raises ConfigurationError where nobody answers or the workers are not as here, and UserError
     where nobody has worked for five minutes.
     """
-    left = iter(curves)
+    remaining = iter(curves)
     with connect_scheduler(address, folder) as client:
-        portions = iter(lambda: tuple(islice(left, _TOGETHER)), ())
+        portions = iter(lambda: tuple(islice(remaining, _PORTION)), ())
         doubtful: list[Curve] = []
-        for portion, outcome in _fitted(client, reader, portions):
+        for portion, outcome in _outcomes(client, reader, portions):
             if isinstance(outcome, Exception):
                 doubtful += portion
             else:
                 yield from outcome
-        for curve in doubtful:  # one after the other: what waits at a worker that dies is blamed as well
-            for _, outcome in _fitted(client, reader, [(curve,)]):
+        # One after the other: curves that wait at a worker that dies are blamed as well.
+        for curve in doubtful:
+            for _, outcome in _outcomes(client, reader, [(curve,)]):
                 if isinstance(outcome, Exception):
                     yield loss_rows(reader, curve, loss_reason(outcome))
                 else:
                     yield from outcome
 
 
-def _fitted(
+def _outcomes(
     client: Any, reader: CurveReader, portions: Iterable[tuple[Curve, ...]]
 ) -> Iterator[tuple[tuple[Curve, ...], list[list[Row]] | Exception]]:
+    """Yield each portion of curves with their rows, or with what its worker died of, as they are ready."""
     with closing(spread(client, partial(fit_curves, reader), portions)) as outcomes:
         yield from outcomes

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def evaluation(rows: Sequence[dict[str, Any]]) -> RenderableType:
-    """Residual sum of squares of every fit on every log."""
+    """Return the table of the residual sum of squares of every fit on every log."""
     from rich.table import Table
 
     logs = list(dict.fromkeys(row["on"] for row in rows))
@@ -25,33 +25,36 @@ def evaluation(rows: Sequence[dict[str, Any]]) -> RenderableType:
         table.add_column(f"on {log}", justify="right")
     for track, source in dict.fromkeys((row["track"], row["fitted_on"]) for row in rows):
         cells = {row["on"]: row for row in rows if (row["track"], row["fitted_on"]) == (track, source)}
-        table.add_row(track, source, *(_left(cells.get(log)) for log in logs))
+        table.add_row(track, source, *(_residual_text(cells.get(log)) for log in logs))
     return table
 
 
-def _left(row: dict[str, Any] | None) -> str:
+def _residual_text(row: dict[str, Any] | None) -> str:
+    """Return sum of squares [N^2] and RMS [N] of a row as text; a dash without them."""
     if row is None or row["rss"] is None:
         return "-"
     return f"{row['rss']:.4g} ({row['rms']:.3g})"
 
 
 def by_cycle(rows: Sequence[dict[str, Any]]) -> RenderableType:
-    """One row for each cycle: what was looked for, its residual and its flags."""
-    units = {name: known["unit"] for row in rows for name, known in row["unknowns"].items() if known["free"]}
-    heads = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
+    """Return the table of cycles, a row each: the free unknowns, the RMS of the residual, and the flags."""
+    units = {name: unknown["unit"] for row in rows for name, unknown in row["unknowns"].items() if unknown["free"]}
+    headings = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
     cells = []
     for row in rows:
-        free = {name: known for name, known in row["unknowns"].items() if known["free"]}
+        free = {name: unknown for name, unknown in row["unknowns"].items() if unknown["free"]}
         values = [_cycle_value(free.get(name)) if free else "not fitted" for name in units]
         codes = " ".join(sorted({flag["code"] for flag in row["flags"]}))
         rms = "-" if row["rms"] is None else f"{row['rms']:.4g}"
         cells.append([row["log"], row["track"], str(row["cycle"]), *values, rms, codes])
-    left = ["log", "track", "cycle", "flags"]
-    return Table.of("every cycle by itself", [*left[:3], *heads, "RMS\nN", "flags"], cells, left).view()
+    labels = ["log", "track", "cycle"]
+    columns = [*labels, *headings, "RMS\nN", "flags"]
+    return Table.of("every cycle by itself", columns, cells, [*labels, "flags"]).view()
 
 
-def _cycle_value(known: dict[str, Any] | None) -> str:
-    if known is None:
+def _cycle_value(unknown: dict[str, Any] | None) -> str:
+    """Return a free unknown with its uncertainty as text, in its display unit; nothing where it is not free."""
+    if unknown is None:
         return ""
-    factor = display_unit(known["unit"])[1]
-    return value_with_uncertainty(known["value"] * factor, (known["std"] or 0.0) * factor)
+    factor = display_unit(unknown["unit"])[1]
+    return value_with_uncertainty(unknown["value"] * factor, (unknown["std"] or 0.0) * factor)

@@ -17,7 +17,7 @@ from palpate_kit.terminal.table import Table
 from palpate_fits.quartile_table import quartiles_text
 
 GROUP = "group"
-_MOST = 24  # groups that are shown
+_MAX_GROUPS = 24  # that are shown (choice)
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
@@ -52,15 +52,16 @@ def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: r
 
     Raises ConfigurationError where none has.
     """
-    named = {number: name for name, number in pattern.groupindex.items()}
-    columns = [named.get(k, GROUP if k == 1 else f"{GROUP}{k}") for k in range(1, pattern.groups + 1)]
-    found: Entries = {}
+    names = {number: name for name, number in pattern.groupindex.items()}
+    columns = [names.get(k, GROUP if k == 1 else f"{GROUP}{k}") for k in range(1, pattern.groups + 1)]
+    groups: Entries = {}
     for file in files:
-        if (match := pattern.search(_name(file, sources))) is not None:
-            found[str(file)] = dict(zip(columns, (text or "" for text in match.groups()), strict=True))
-    if not found:
+        match = pattern.search(_name(file, sources))
+        if match is not None:
+            groups[str(file)] = dict(zip(columns, (text or "" for text in match.groups()), strict=True))
+    if not groups:
         raise ConfigurationError(f"--by {pattern.pattern!r}: no name has it, such as {_name(files[0], sources)!r}")
-    return found
+    return groups
 
 
 def _name(file: LogPart, sources: Sequence[Path]) -> str:
@@ -70,17 +71,19 @@ def _name(file: LogPart, sources: Sequence[Path]) -> str:
 
 
 def group_table(rows: Sequence[Row], groups: Mapping[str, Mapping[str, str]], pipeline: Pipeline) -> Table:
-    """Return how many curves each group has, and median and quartiles of their values."""
-    of_group: dict[str, list[Row]] = {}
+    """Return the table of groups: how many curves each has, and median and quartiles of their values."""
+    rows_by_group: dict[str, list[Row]] = {}
     for row in rows:
-        of_group.setdefault(" ".join(groups.get(row["curve"], {}).values()).strip() or "none", []).append(row)
+        group = " ".join(groups.get(row["curve"], {}).values()).strip() or "none"
+        rows_by_group.setdefault(group, []).append(row)
     units = value_units(pipeline.tracks[0].model)
-    shown = [name for name in units if any(row.get(name) for row in rows)]
+    names = [name for name in units if any(row.get(name) for row in rows)]
     cells = []
-    for name, some in sorted(of_group.items())[:_MOST]:
-        summary = next(iter(summary_of([row for row in some if row.get("track")], shown).values()), {})
-        quartiles = summary.get("quartiles", {})
-        values = [quartiles_text(quartiles.get(value), display_unit(units[value])[1]) for value in shown]
-        cells.append([name, str(len({row["curve"] for row in some})), *values])
-    heads = [f"{name}\n{display_unit(units[name])[0]}" for name in shown]
-    return Table.of("median (quartiles) of the groups", [GROUP, "curves", *heads], cells, [GROUP])
+    for group, group_rows in sorted(rows_by_group.items())[:_MAX_GROUPS]:
+        # Of the first track, which all rows of files have.
+        summaries = summary_of([row for row in group_rows if row.get("track")], names)
+        quartiles = next(iter(summaries.values()), {}).get("quartiles", {})
+        values = [quartiles_text(quartiles.get(name), display_unit(units[name])[1]) for name in names]
+        cells.append([group, str(len({row["curve"] for row in group_rows})), *values])
+    headings = [f"{name}\n{display_unit(units[name])[0]}" for name in names]
+    return Table.of("median (quartiles) of the groups", [GROUP, "curves", *headings], cells, [GROUP])
