@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from palpate.contact import Indenter
@@ -31,40 +31,54 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
 
 def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """Return the table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
+    label = f"{said} {text!r}"
     name, *words = _COMMA.sub(" ", text).split() or [""]
     tips = known.parts["indenter"]
     kind = kind_in_words(name, known)
     if kind not in tips:
         hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
-        raise ConfigurationError(f"{said} {text!r}: no tip {name!r}{hint}")
+        raise ConfigurationError(f"{label}: no tip {name!r}{hint}")
     fields = known.find("indenter", kind).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
-    needed = [key for key, about in fields.items() if about.is_required()]
-    table: dict[str, list[str]] = {}
+    required_keys = [key for key, field in fields.items() if field.is_required()]
+    # A value without a key belongs to the first key that the tip needs.
     if words and words[0] not in keys:
-        if words[0][:1].isalpha() or not needed:
-            wrong = f"has no {words[0]!r}{suggest(words[0], keys)}" if words[0][:1].isalpha() else "needs a key each"
-            raise ConfigurationError(f"{said} {text!r}: {name} {wrong} (keys: {', '.join(keys)})")
-        words = [needed[0], *words]
+        if words[0][:1].isalpha():
+            problem = f"has no {words[0]!r}{suggest(words[0], keys)}"
+            raise ConfigurationError(f"{label}: {name} {problem} (keys: {', '.join(keys)})")
+        if not required_keys:
+            raise ConfigurationError(f"{label}: {name} needs a key each (keys: {', '.join(keys)})")
+        words = [required_keys[0], *words]
+    values = _values_by_key(words, keys, label)
+    missing = [key for key in required_keys if not values.get(key)]
+    if missing:
+        example = ", ".join([f"{name} VALUE", *(f"{key} VALUE" for key in required_keys[1:])])
+        raise ConfigurationError(f'{label}: {name} needs its {missing[0]}, as in "{example}"')
+    return {"type": kind, **values}
+
+
+def _values_by_key(words: Sequence[str], keys: Sequence[str], label: str) -> dict[str, Any]:
+    """Return the values of words, of which the first is a key: each key with the words up to the next one.
+
+    A diameter becomes a radius [m]. Raises ConfigurationError, which names the tip by its `label`.
+    """
+    words_of_key: dict[str, list[str]] = {}
     for word in words:
-        if word in table:
-            raise ConfigurationError(f"{said} {text!r}: {word} is stated twice")
+        if word in words_of_key:
+            raise ConfigurationError(f"{label}: {word} is stated twice")
         if word in keys:
-            table[word] = []
+            words_of_key[word] = []
         else:
-            table[list(table)[-1]].append(word)
-    values: dict[str, Any] = {key: " ".join(value) for key, value in table.items()}
+            words_of_key[list(words_of_key)[-1]].append(word)
+    values: dict[str, Any] = {key: " ".join(of_key) for key, of_key in words_of_key.items()}
     if {"radius", "diameter"} <= values.keys():
-        raise ConfigurationError(f"{said} {text!r}: both radius and diameter are stated")
+        raise ConfigurationError(f"{label}: both radius and diameter are stated")
     if "diameter" in values:
         try:
             values["radius"] = 0.5 * to_si(values.pop("diameter"), "m")
         except ValueError as error:
-            raise ConfigurationError(f"{said} {text!r}: diameter: {error}") from error
-    if missing := [key for key in needed if not values.get(key)]:
-        example = ", ".join([f"{name} VALUE", *(f"{key} VALUE" for key in needed[1:])])
-        raise ConfigurationError(f'{said} {text!r}: {name} needs its {missing[0]}, as in "{example}"')
-    return {"type": kind, **values}
+            raise ConfigurationError(f"{label}: diameter: {error}") from error
+    return values
 
 
 def kind_in_words(word: str, known: Registry) -> str:
