@@ -83,10 +83,11 @@ def _values_by_key(words: Sequence[str], keys: Sequence[str], label: str) -> dic
 
 def kind_in_words(word: str, known: Registry) -> str:
     """Return the type of a tip by the word that it states of itself, else the word as the name of its type."""
-    tips = known.parts["indenter"].items()
-    return next(
-        (kind for kind, entry in tips if entry.problem is None and getattr(entry.part, "word", "") == word), word
-    )
+    for kind, entry in known.parts["indenter"].items():
+        own_word = getattr(entry.part, "word", "") if entry.problem is None else ""
+        if own_word and own_word == word:
+            return kind
+    return word
 
 
 def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said: str = "tip") -> dict[str, Any]:
