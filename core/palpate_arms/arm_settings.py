@@ -42,6 +42,7 @@ class ArmSettings(Device):
     """
 
     maker: ClassVar[str] = "arm"  # what messages call it: "ur at 192.168.1.7"
+    has_own_rate: ClassVar[bool] = False  # whether its states come at a rate that only their time-stamps know
     joint_names: ClassVar[tuple[str, ...]]
     # Channels of the status, each with the value that it has while the arm may move.
     status_channels: ClassVar[Mapping[str, float]] = {}
@@ -158,7 +159,7 @@ class ArmSettings(Device):
         """Tip, twist, joints, setpoint, the robot's own wrench, status."""
         from palpate_arms.setpoint_buffer import PERIOD
 
-        rate, names = 1.0 / PERIOD, self.joint_names
+        rate, names = None if self.has_own_rate else 1.0 / PERIOD, self.joint_names
         pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
         twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
         joints = [Channel(name, "rad") for name in names] + [Channel(f"{name}_speed", "rad/s") for name in names]

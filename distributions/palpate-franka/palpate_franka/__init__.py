@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING
 from palpate import Command, plugin
 
 if TYPE_CHECKING:
-    from palpate import Device
+    from palpate import Device, Twin
 
 
 @plugin
 def palpate_devices() -> dict[str, type[Device] | str]:
     """Return the arm."""
     return {"franka": "palpate_franka.device:Franka"}
+
+
+@plugin
+def palpate_twins() -> dict[str, type[Twin] | str]:
+    """Return the simulated arm with its sensor."""
+    return {"franka-bota": "palpate_franka.twin:FrankaBench"}
 
 
 @plugin

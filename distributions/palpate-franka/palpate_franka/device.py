@@ -34,6 +34,7 @@ class Franka(ArmDevice):
     status_channels: ClassVar[Mapping[str, float]] = {"robot_mode": MOVES, "errors": 0.0, "success_rate": 1.0}
     posture: ClassVar[tuple[float, ...]] = POSTURE
     own_stop: ClassVar[str] = "collision_force"
+    has_own_rate: ClassVar[bool] = True  # of a thousand states a second the loop takes 500 at least
 
     model: Literal["fr3", "panda"] = Field(default="fr3", description="which arm")
     stiffness: Stiffness = Field(

@@ -11,10 +11,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError, DeviceError
+from palpate import ConfigurationError, DeviceError, UserError
 from palpate_engine import check_motion, check_own_motion, load_pipeline, own_motions
 from palpate_franka.models import MODELS, POSTURE
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
+from palpate_kit.kinematics.rotations import matrix_of
 
 PIPELINES = Path(__file__).parents[1]
 WITHOUT = """
@@ -51,6 +52,7 @@ def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
     assert arm.twin_settings["tcp_rotation"] == str([0.0, 0.0, -math.pi / 4])
     wrench = next(stream for stream in arm.streams if stream.name == "robot_wrench")
     assert wrench.estimated
+    assert all(stream.rate is None for stream in arm.streams)  # of a thousand states a second some are not taken
 
 
 def test_a_reflex_below_the_force_that_stops_the_motion_is_refused():
@@ -131,3 +133,62 @@ def test_a_controller_of_another_version_is_refused_by_name():
         with pytest.raises(DeviceError, match=r"do not fit; .* a Panda needs one for libfranka 0\.9"):
             connected("127.9.9.8", "ignore")
         thread.join(5.0)
+
+
+@pytest.fixture
+def twin():
+    return load_pipeline(PIPELINES / "point.toml", ['twin.bench.host="127.0.76.1"']).twins["bench"]
+
+
+@pytest.mark.parametrize(
+    ("modules", "cores", "words"),
+    [
+        (("franky_sim", "mujoco"), {0, 1}, r"pip install 'palpate-franka\[sim\]'"),
+        ((), {0}, "needs a core to itself"),
+    ],
+)
+def test_what_the_simulator_needs_is_a_sentence(twin, monkeypatch, modules, cores, words):
+    if not modules:
+        pytest.importorskip("franky_sim")
+    for module in modules:
+        monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: cores)
+    with pytest.raises(UserError, match=words):
+        twin.serve(0, lambda facts: None)
+
+
+@pytest.fixture
+def simulated_rig(twin, tmp_path):
+    pytest.importorskip("franky_sim")
+    from palpate_franka.simulator.simulated_rig import SimulatedRig, joints_of
+
+    bench = twin.model_copy(update={"port": tmp_path / "sensor", "position_std": 0.0})
+    joints = joints_of(bench, MODELS["fr3"], np.array([0.0, 0.0, 0.01]), np.array(POSTURE))
+    rig = SimulatedRig(bench, MODELS["fr3"], joints.tolist(), 0)
+    yield rig
+    rig.close()
+
+
+def test_force_and_state_of_the_simulator_are_of_one_instant(simulated_rig):
+    rig = simulated_rig
+    rig._step()
+    rig._answer(["lead", "0", "0", "-3", "0", "0", "0"])
+    for _ in range(40):
+        rig._step()
+    assert rig.record.fastest > 5e-3  # at which a step is 5 um
+    bench = rig._bench
+    tool = matrix_of([*bench.tcp, *bench.tcp_rotation])
+    # By the joints that the state reports, and not by palpate's reading of MuJoCo's bodies.
+    pose, _ = MODELS["fr3"].tip(list(rig._control.robot_state.q), tool)
+    axes = bench.work.matrix[:3, :3].T
+    assert rig._tip()[1] == pytest.approx(axes @ (pose[:3, 3] - bench.work.matrix[:3, 3]), abs=1e-6)
+
+
+def test_the_simulator_at_rest_reports_the_measured_pose(simulated_rig):
+    rig = simulated_rig
+    rig._robot.joint_position_control(np.array(rig._robot.initial_q) + 0.05)
+    rig._sim.step()
+    state = rig._control.robot_state
+    reported = np.array(state.O_T_EE).reshape(4, 4, order="F")
+    desired = np.array(state.O_T_EE_d).reshape(4, 4, order="F")
+    assert np.linalg.norm((reported - desired)[:3, 3]) > 1e-3

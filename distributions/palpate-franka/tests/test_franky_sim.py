@@ -24,7 +24,7 @@ from palpate_engine import load_pipeline
 pytestmark = [pytest.mark.franka, pytest.mark.live]
 
 AWAY = 0.5e-3  # [m] that an arm that brakes may go on
-STANDS = 1e-3  # [m/s], as in `franka_rig`
+STANDS = 1e-3  # [m/s], as in `arm_record`
 SWING = 1e-3  # [m], half of that of the motion
 LONG = 120.0  # [s], on a machine of any speed
 
@@ -72,7 +72,7 @@ def stands(rig):
 
 def test_the_rig_sends_the_bytes_of_the_simulator():
     states = pytest.importorskip("franky_sim.franka_robot_state")
-    from light_simulator import packed, replaced
+    from palpate_franka.simulator.light_server import packed, replaced
 
     numbers, plain = iter(range(1000)), states.FrankaRobotState()
     fields = {field.name: getattr(plain, field.name) for field in dataclasses.fields(plain)}

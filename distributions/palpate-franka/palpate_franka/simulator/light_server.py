@@ -1,7 +1,11 @@
 """franky-sim's robot at 1 kHz on one of two cores: its own numbers and bytes, by fewer steps of the interpreter."""
 
-import struct
+from __future__ import annotations
 
+import struct
+from typing import Any
+
+import numpy as np
 from franky_sim import FrankaRobotServer
 from franky_sim.base_simulator import InnerRobotState
 from franky_sim.franka_robot_state import FrankaRobotState
@@ -10,7 +14,7 @@ from franky_sim.franka_server import FrankaServer
 _STATE = struct.Struct("<320f 85B f")
 
 
-def packed(s):
+def packed(s: Any) -> bytes:
     """`FrankaRobotState.pack_state` in one go."""
     return _STATE.pack(
         *s.O_T_EE, *s.O_T_EE_d, *s.F_T_EE, *s.EE_T_K, *s.F_T_NE, *s.NE_T_EE,
@@ -25,7 +29,7 @@ def packed(s):
     )  # fmt: skip
 
 
-def replaced(state, **changes):
+def replaced(state: Any, **changes: Any) -> Any:
     """`FrankaRobotState.replace` without a look at each of its fields."""
     new = object.__new__(type(state))
     new.__dict__.update(state.__dict__, **changes)
@@ -33,22 +37,32 @@ def replaced(state, **changes):
 
 
 class Joints:
-    """`FrankaMujocoRobot._get_state` once at each instant: it is asked for four times."""
+    """`FrankaMujocoRobot._get_state` once at each instant, for which it is asked four times, with encoder noise [rad].
 
-    def __init__(self, robot):
-        self.robot, self.time, self.state = robot, None, None
+    A real encoder never reads the same in every digit, by which palpate sees that states are not repeated.
+    """
 
-    def __call__(self):
-        data = self.robot.data
-        if data.time != self.time:
-            rows = data.qpos[:7], data.qvel[:7], self.robot._applied_torques
-            self.time, self.state = data.time, InnerRobotState(*(tuple(row.tolist()) for row in rows))
-        return self.state
+    def __init__(self, robot: Any, std: float, seed: int) -> None:
+        self._robot, self._std, self._random = robot, std, np.random.default_rng(seed)
+        self._time: float | None = None
+        self._state: Any = None
+
+    def __call__(self) -> Any:
+        """Return the state of the joints."""
+        data = self._robot.data
+        if data.time != self._time:
+            angles = data.qpos[:7] + self._std * self._random.standard_normal(7)
+            rows = angles, data.qvel[:7], self._robot._applied_torques
+            self._time, self._state = data.time, InnerRobotState(*(tuple(row.tolist()) for row in rows))
+        return self._state
 
 
-def lighten(robot):
-    """The server of a robot, alone: its gripper is not asked for, and its fingers hang loose."""
+def lighten(robot: Any, std: float, seed: int) -> None:
+    """Make the server of a robot lighter: its gripper is not asked for, and its fingers hang loose."""
     FrankaRobotState.pack_state, FrankaRobotState.replace = packed, replaced
-    robot._get_state, robot._pre_step = Joints(robot), lambda: None
+    robot._get_state, robot._pre_step = Joints(robot, std, seed), lambda: None
+    # Pinocchio's pose is overwritten by the next one: without a copy the measured pose at rest is the desired one.
+    pose_at = robot.kinematics
+    robot.kinematics = lambda joints: pose_at(joints).copy()
     FrankaRobotServer.process_commands = FrankaServer.process_commands
     FrankaRobotServer.send_state = FrankaServer.send_state
