@@ -11,6 +11,7 @@ from palpate_simulation.twins.moving_skin import MovingSkin
 from tests.devices.simulated_bench import PIPELINE, SHORT
 from tests.devices.test_fence import LIMITS, fence, seen
 
+SAFETY_CASE = Path(__file__).parents[2] / "docs" / "safety-case.md"
 # Room to reach a high speed within: the motion begins 45 mm above the skin.
 HIGH = (
     *SHORT,
@@ -134,8 +135,8 @@ def test_what_a_skin_that_rises_does(simulated, overrides, least, most, skin, fo
     assert np.hypot(trace["out"], trace["across"]).max() <= most
     assert trace["z"].max() < 0.0466  # to where it began after its retreat, and no further
     assert trace["force"].max() == pytest.approx(force, abs=1.0)
-    page = " ".join((Path(__file__).parents[2] / "docs" / "safety-case.md").read_text().split())
-    assert "(a cough) 44 N of `stop_force` 12 N, 40 mm within 1 s (sitting up) 54 N; 25 and 12 N with" in page
+    words = "(a cough) 44 N of `stop_force` 12 N, 40 mm within 1 s (sitting up) 54 N; 25 and 12 N with"
+    assert words in SAFETY_CASE.read_text()
 
 
 BREATHING = """type = "force-hold"
@@ -169,6 +170,17 @@ def test_a_sensor_that_saturates_once_a_force_was_held_is_bounded_by_the_envelop
     assert "at the end of its envelope, 12 mm below the start: deeper it may not go" in error
     assert 6.5 < twin.truth.force < 7.0  # what the material has at 6 mm
     assert twin.wait_at_rest()["height"] > 5e-3
+
+
+@pytest.mark.slow
+def test_a_sensor_that_stops_just_below_a_held_force_is_bounded_by_the_envelope_as_stated(simulated, tmp_path):
+    """At 3.45 N and its offset, from the air on: nine tenths of the force count as reached; the tip goes on slowly."""
+    twin = holding(simulated, tmp_path, BREATHING)
+    error, _, _ = twin.run_into("saturated-force 3.45 0.05", lambda state: state["height"] < 1e-3)
+    assert "the controlled force is 4.2" in error
+    assert "at the end of its envelope" in error
+    assert twin.truth.force == pytest.approx(7.0, abs=0.1)
+    assert "(stuck at 4.2 N with noise: 7.0 N, goal 4.5 N, envelope 6 mm)" in SAFETY_CASE.read_text()
 
 
 @pytest.mark.slow
