@@ -137,7 +137,8 @@ class ArmLoop:
     @property
     def _oldest(self) -> float:
         """Age [s] that a state may have, above the promptest since the connection."""
-        return math.inf if self._fence.limits is None else self._fence.limits.get("reading_age", math.inf)
+        limits = self._fence.limits
+        return math.inf if limits is None else float(limits.get("reading_age", math.inf))
 
     def _unfit_driver(self) -> str | None:
         """Return why nothing is to be moved by this driver: its calls take too long, or its states come late."""
