@@ -1,6 +1,7 @@
 """The simulated sweep against the recorded one, and which lumps a sweep shows as often as it says.
 
-Run it with: python benchmarks/sweep_power.py agree|power [--seeds 40] [--first 3000] [--speeds 2 4 6]. `agree` needs
+Run it with: python benchmarks/sweep_power.py agree|power|alarms [--seeds 40] [--first 3000] [--speeds 2 4 6]. Needed by
+`agree`:
 the authors' sweep over S5 at 4 mm/s (../shared/data/ur3e-bota-2024/tran_4mms.csv.gz, or --file). One process.
 
 agree: standard deviations of the channels in bands of frequency while the tip moves, of the smoother's surface in bands
@@ -8,11 +9,14 @@ of wavelength, and of what each filter says of E from millimetre to millimetre (
 which lumps do not move). The rig is set as in RECORDED.
 power: sweeps without a lump say what contrast a lump 10 mm wide would be seen at with a probability of 0.8; then such
 lumps are put there, of this and of other contrasts, and counted.
+alarms: sweeps without a lump, whose stay of 10 s shows the scatter of each filter, and whose NIS is above 1: lumps that
+are found, by both methods.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,8 +24,8 @@ import numpy as np
 from palpate import Floats
 from palpate.estimation import Samples
 from palpate_engine.config import Pipeline, load_pipeline
-from palpate_maps.map_analysis import Path2D, find_lumps, sites_along
-from sweeps import aligned, paths_of, pipeline, samples_of
+from palpate_maps.map_analysis import LumpSettings, Path2D, find_lumps, sites_along
+from sweeps import METHODS, aligned, paths_of, pipeline, samples_of
 
 FILE = Path(__file__).parents[2] / "shared" / "data" / "ur3e-bota-2024" / "tran_4mms.csv.gz"
 FIGURES = Path(__file__).parents[1] / "pipelines" / "figures"
@@ -150,10 +154,26 @@ def power(seeds: Sequence[int], speeds: Sequence[float]) -> None:
             )
 
 
+def alarms(seeds: Sequence[int], speeds: Sequence[float]) -> None:
+    """Sweeps without a lump in which one is found."""
+    count: dict[tuple[str, str], int] = {}
+    innovations: dict[str, list[float]] = {}
+    for speed, seed in itertools.product(speeds, seeds):
+        without = simulated(seed, speed, TRACKS, "trajectory.sweep.settle=10 s", "device.rig.specimen.inclusions=[]")
+        for path in paths_of(without, samples_of(without)):
+            innovations.setdefault(path.track, []).append(path.nis)
+            for method in METHODS:
+                found = find_lumps(sites_along(path), LumpSettings(method=method))  # type: ignore[arg-type]
+                count[path.track, method] = count.get((path.track, method), 0) + bool(found.lumps)
+    for (track, method), number in count.items():
+        nis = float(np.median(innovations[track]))
+        print(f"{track}, {method}: {number} of {len(seeds) * len(speeds)}, NIS {nis:.2f}", flush=True)
+
+
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["agree", "power"])
+    parser.add_argument("what", choices=["agree", "power", "alarms"])
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=3000)
     parser.add_argument("--speeds", type=float, nargs="+", default=[2.0, 4.0, 6.0])
@@ -163,7 +183,7 @@ def main() -> None:
     if given.what == "agree":
         agree(seeds, given.file)
     else:
-        power(seeds, given.speeds)
+        {"power": power, "alarms": alarms}[given.what](seeds, given.speeds)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ _START_LENGTH = 6e-3  # [m]
 _START_NOISE = 1e-4  # variance of a logarithm: 1 %
 # Choices of computing time.
 _MAX_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
-_MAX_USED = 1500  # sites that a whole map is made of
+MAX_USED = 1500  # sites that a whole map is made of
 _MAX_NODES = 2000  # that are solved for at once
 _MIN_ROOM = 64  # rows that a factor is enlarged by at least, else by half
 # Of decision 0281.
@@ -86,7 +86,7 @@ def fit_kernel(
     from scipy.linalg import cho_factor, cho_solve
     from scipy.optimize import minimize
 
-    rows = _thinned(len(log), _MAX_FITTED)
+    rows = thinned(len(log), _MAX_FITTED)
     place, log, stated = place[rows], log[rows], stated[rows]
     distance, unit = distances(place, place), np.eye(len(log))
 
@@ -132,7 +132,7 @@ def interpolated(
         height, height_std = fit.rise_at(nodes)
         return mean + height, np.hypot(std, height_std), length
     kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), least_length=least_length)
-    used = sites[_thinned(len(sites), _MAX_USED)]
+    used = sites[thinned(len(sites), MAX_USED)]
     process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)
     mean, variance = np.empty(len(nodes)), np.empty(len(nodes))
     for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _MAX_NODES + 1):
@@ -243,6 +243,6 @@ def _stated_variance(sites: Sites) -> Floats:
     return np.maximum(sites.std, LEAST_STD) ** 2
 
 
-def _thinned(count: int, most: int) -> NDArray[np.intp]:
+def thinned(count: int, most: int) -> NDArray[np.intp]:
     """Indices of at most so many of `count`, evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,7 @@ from palpate_maps.commands.curves_command import curves_of, drop_rejected, point
 if TYPE_CHECKING:
     from palpate_maps.body_field import BodyFit
     from palpate_maps.map_analysis import Findings, Path2D, Sites, StiffnessMap
+    from palpate_maps.rig_share import RigShare
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
 Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
@@ -110,7 +112,7 @@ def map_run(
     if as_json:
         print_json({**answer, **made.document, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
-    typer.echo(f"{sentence}\nwritten to {made.folder / name}.csv and next to it")
+    typer.echo("\n".join([sentence, *made.uncertainty, f"written to {made.folder / name}.csv and next to it"]))
 
 
 def _run_first(run: Path, overrides: list[str]) -> Path:
@@ -148,6 +150,22 @@ class _MapOutput:
             return FitFolder(self.run).units.get(self.path.parameter, "")
         return unit_of(self.run, self.path.track, self.path.parameter)
 
+    @cached_property
+    def common(self) -> RigShare:
+        """The uncertainties that all places have in common."""
+        from palpate_maps.rig_share import RigShare, rig_share
+
+        if is_fit_folder(self.run):
+            return RigShare(0.0, {})
+        return rig_share(self.run, self.path.track, self.path.parameter)
+
+    @property
+    def uncertainty(self) -> list[str]:
+        """Which part of the ± is repeatability, and which is of the rig, as sentences."""
+        repeatability = 100 * float(self.sites.std.mean())
+        line = f"±: of a place {repeatability:.2g} % as the estimator states it, which the table and the picture have"
+        return [line, *filter(None, [self.common.sentence("±")])]
+
     @property
     def fit(self) -> BodyFit | None:
         """The bodies of an area."""
@@ -155,13 +173,14 @@ class _MapOutput:
 
     @property
     def document(self) -> dict[str, Any]:
-        """For --json: the track, the parameter, and the lumps."""
+        """For --json: the track, the parameter, the parts of the relative uncertainty, and the lumps."""
         return {
             "track": self.path.track,
             "other_tracks": self.path.others,
             "parameter": self.path.parameter,
             "unit": self.unit,
             "sites": len(self.sites),
+            "common_uncertainty": {"run": self.common.run, **self.common.causes},
             "lumps": self.findings.lumps if self.findings is not None else None,
         }
 
