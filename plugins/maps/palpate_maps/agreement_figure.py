@@ -22,7 +22,8 @@ def agreement_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreem
     if any(coordinate is None for coordinate in along.values()):
         return _areas(series, pairs, label, unit)
     figure, axes = figure_of(rows=2, height=60.0)
-    (name, factor), (curves,), (scores,) = display_unit(unit), *axes
+    curves, scores = axes[:, 0]
+    name, factor = display_unit(unit)
     axis_of_line = int(np.argmax(np.ptp(next(iter(series.values())).place, axis=0)))
     for run, sites in series.items():
         order = np.argsort(sites.place[:, axis_of_line])
