@@ -12,6 +12,7 @@ from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_maps.map_agreement import MapAgreement
 from palpate_maps.sites import Sites, line_coordinate
 
+_MARGIN = 2.0  # [mm] about the sites
 _SHOWN = 2.0  # E_n at the ends of the scale of colours: twice the limit
 
 
@@ -27,10 +28,10 @@ def agreement_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreem
     axis_of_line = int(np.argmax(np.ptp(next(iter(series.values())).place, axis=0)))
     for run, sites in series.items():
         order = np.argsort(sites.place[:, axis_of_line])
-        at, value = 1e3 * sites.place[order, axis_of_line], factor * sites.value[order]
-        (line,) = curves.plot(at, value, label=run)
+        position, value = 1e3 * sites.place[order, axis_of_line], factor * sites.value[order]
+        (line,) = curves.plot(position, value, label=run)
         band = 2 * value * sites.std[order]
-        curves.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+        curves.fill_between(position, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
     curves.set(ylabel=f"{label} [{name}]")
     curves.set_ylim(common_limits([factor * sites.value for sites in series.values()], 0.0))
     for pair, agreement in pairs.items():
@@ -59,12 +60,12 @@ def _areas(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement], label
         (f"{pair}: p {agreement.p:.2g}", agreement.place, agreement.e_n, "E_n", "RdBu_r", (-_SHOWN, _SHOWN))
         for pair, agreement in pairs.items()
     ]
-    every = 1e3 * np.concatenate([sites.place[:, :2] for sites in series.values()])
-    limits = every.min(axis=0) - 2.0, every.max(axis=0) + 2.0
-    for axis, (title, place, shades, words, colours, (low, high)) in zip(axes.ravel(), panels, strict=False):
-        size = 6.0 if words != "E_n" else 30.0
+    places = 1e3 * np.concatenate([sites.place[:, :2] for sites in series.values()])
+    limits = places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN
+    for axis, (title, place, shades, quantity, colours, (low, high)) in zip(axes.ravel(), panels, strict=False):
+        size = 30.0 if quantity == "E_n" else 6.0
         points = axis.scatter(*(1e3 * place[:, :2].T), c=shades, cmap=colours, vmin=low, vmax=high, s=size)
-        figure.colorbar(points, ax=axis, shrink=0.8, label=words)
+        figure.colorbar(points, ax=axis, shrink=0.8, label=quantity)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         axis.set(xlim=(limits[0][0], limits[1][0]), ylim=(limits[0][1], limits[1][1]))
         axis.grid(False)

@@ -84,11 +84,11 @@ def map_agreement(first: Sites, second: Sites, common_std: float = 0.0) -> MapAg
     return test.agreement(mean(difference), place, (count / (number[-1] + 1), _share_of_second(first, second)))
 
 
-def _covered(sites: Sites, others: Sites) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+def _covered(sites: Sites, other_sites: Sites) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     """Return which sites (n,) are near one of the others, and the row (n,) of the nearest of these."""
     from scipy.spatial import KDTree
 
-    distance, nearest = KDTree(others.place).query(sites.place)
+    distance, nearest = KDTree(other_sites.place).query(sites.place)
     return np.asarray(distance <= SAME * WIDTH), np.asarray(nearest)
 
 

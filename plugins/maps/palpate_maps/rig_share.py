@@ -12,8 +12,8 @@ from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 
 _SYSTEMATIC = "systematic_"  # before a cause, in a value of a result
-_OF_RUN = ("tare",)  # causes that each run has anew
-_OF_PLACES = ("places",)  # differences between places, which are no errors
+_OF_RUN = ("tare",)  # causes of which each run has another error
+_OF_PLACES = ("places",)  # differences between places, which are not errors
 _OF_EXAM = ("palpate", "run", "trajectory", "safety", "sink", "estimator", "sweep", "repeat")  # tables of no fact
 _SHOWN = 3  # causes in a sentence
 _OF_SPECIMEN = ("specimen", "file", "record")  # keys of a device that are of the specimen or its record
@@ -44,12 +44,12 @@ def rig_share(run: Path, track: str, parameter: str) -> RigShare:
     """Return the common uncertainties of a run by the budget of its result; none without a result or a value."""
     folder = RunFolder(run)
     result = folder.result["tracks"].get(track) if folder.finished else None
-    found: dict[str, Any] | None = usable_value(result, parameter) if result is not None else None
-    if found is None or not found["value"]:
+    estimate: dict[str, Any] | None = usable_value(result, parameter) if result is not None else None
+    if estimate is None or not estimate["value"]:
         return RigShare(0.0, {})
     shares = {
-        key.removeprefix(_SYSTEMATIC): abs(size / found["value"])
-        for key, size in found.items()
+        key.removeprefix(_SYSTEMATIC): abs(size / estimate["value"])
+        for key, size in estimate.items()
         if key.startswith(_SYSTEMATIC) and size is not None
     }
     causes = {cause: share for cause, share in shares.items() if cause not in (*_OF_RUN, *_OF_PLACES) and share > 0}

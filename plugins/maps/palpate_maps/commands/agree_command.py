@@ -49,7 +49,7 @@ class RunPair:
 
     @property
     def name(self) -> str:
-        """Which is subtracted from which."""
+        """The runs, the second less the first."""
         return f"{self.second} - {self.first}"
 
 
@@ -74,7 +74,7 @@ def agree(
         pairs = _pairs(maps)
     path = _path(runs[0], chosen, parameter)
     unit = unit_of(runs[0], chosen, path.parameter)
-    series = {one.name: one.sites for one in maps}
+    series = {run_map.name: run_map.sites for run_map in maps}
     save_figure(agreement_picture(series, {pair.name: pair.agreement for pair in pairs}, path.parameter, unit), out)
     if as_json:
         print_json({"track": chosen, "parameter": path.parameter, "pairs": [_document(pair) for pair in pairs]})
@@ -108,9 +108,9 @@ def _common_track(runs: list[Path], track: str | None) -> str:
 
     if track is not None:
         return track
-    known = [maps.tracks_of(run) for run in runs]
-    for name in known[0]:
-        if all(name in others for others in known):
+    tracks = [maps.tracks_of(run) for run in runs]
+    for name in tracks[0]:
+        if all(name in names for names in tracks):
             return name
     raise LogError(f"{', '.join(map(str, runs))}: have no track in common; --track chooses one of those of each")
 
@@ -139,18 +139,18 @@ def _pairs(maps: list[RunMap]) -> list[RunPair]:
     from palpate_maps.map_agreement import map_agreement
     from palpate_maps.rig_share import fact_differences
 
-    found = []
+    compared = []
     for first, second in combinations(maps, 2):
         differing = fact_differences(first.folder, second.folder)
         # Of each run its tare; where the facts differ, those of rig and law of both.
         shares = [first.common.run, second.common.run]
         if differing:
             shares += [first.common.rig, second.common.rig]
-        found.append(
+        compared.append(
             (first.name, second.name, map_agreement(first.sites, second.sites, math.hypot(*shares)), differing)
         )
-    corrected = holm([agreement.p for _, _, agreement, _ in found])
-    return [RunPair(*parts, p) for parts, p in zip(found, corrected, strict=True)]
+    corrected = holm([agreement.p for _, _, agreement, _ in compared])
+    return [RunPair(*parts, p) for parts, p in zip(compared, corrected, strict=True)]
 
 
 def _table(pairs: list[RunPair]) -> Table:
@@ -196,7 +196,7 @@ def _sentences(pairs: list[RunPair], maps: list[RunMap]) -> list[str]:
         )
         if pair.differing_facts:
             lines.append(f"  the facts of the rig differ: {pair.differing_facts}")
-    return [*lines, *(line for one in maps if (line := one.common.sentence(one.name)))]
+    return [*lines, *filter(None, (run_map.common.sentence(run_map.name) for run_map in maps))]
 
 
 def _document(pair: RunPair) -> dict[str, Any]:

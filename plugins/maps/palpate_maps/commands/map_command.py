@@ -161,7 +161,7 @@ class _MapOutput:
 
     @property
     def uncertainty(self) -> list[str]:
-        """Which part of the ± is repeatability, and which is of the rig, as sentences."""
+        """The parts of the ±, repeatability and that of the rig, as sentences."""
         repeatability = 100 * float(self.sites.std.mean())
         line = f"±: of a place {repeatability:.2g} % as the estimator states it, which the table and the picture have"
         return [line, *filter(None, [self.common.sentence("±")])]
