@@ -23,6 +23,7 @@ _OTHER_UNITS = re.compile(
 # A line between header and rows: of dashes, or a word for the end of the one or the begin of the other.
 _DIVIDER = re.compile(r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin[ _]data)\W*", re.IGNORECASE)
 _COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
+_SEQUENCE, _VOLT = "sequence", "volt"  # as Rigol writes them
 _REACH = 3  # lines above the rows, without blank ones, in which names and units stand
 
 
@@ -122,6 +123,15 @@ def comment_of_names(top: TopLines) -> Heading | None:
     return None if cells is None else Heading(cells)
 
 
+@rule('a line "Sequence, VOLT, ..." of an oscilloscope, with the scale of its time', "the names", Sureness.STATED)
+def line_above_sequence(top: TopLines) -> Heading | None:
+    """Return the names above such a line, without those of the scale, which has no column."""
+    line = top.block.begin - 1
+    if line < 1 or top.cells(line)[0].lower() != _SEQUENCE:
+        return None
+    return Heading(tuple(top.cells(line - 1)[: top.block.width]), line - 1)
+
+
 @rule("two lines above the rows, the lower one of units", "the names", Sureness.WORD)
 def line_above_units(top: TopLines) -> Heading | None:
     """Return the names above a line of units."""
@@ -151,6 +161,16 @@ def comment_of_units(top: TopLines) -> Heading | None:
     return None if cells is None else Heading(cells)
 
 
+@rule('a line "Sequence, VOLT, ..." of an oscilloscope', "the units", Sureness.STATED)
+def line_of_sequence(top: TopLines) -> Heading | None:
+    """Return the units in such a line; the rows are counted, and have none."""
+    if line_above_sequence(top) is None:
+        return None
+    line = top.block.begin - 1
+    units = ("V" if cell.lower() == _VOLT else cell for cell in top.cells(line)[1 : top.block.width])
+    return Heading(("", *units), line)
+
+
 @rule("a line of units below that of the names", "the units", Sureness.WORD)
 def line_below_names(top: TopLines) -> Heading | None:
     """Return the units between names and rows, unless a comment has the names."""
@@ -167,8 +187,8 @@ def units_in_place_of_names(top: TopLines) -> Heading | None:
     return Heading(cells) if cells and are_units(cells) else None
 
 
-NAME_RULES = (stated_line_of_names, comment_of_names, line_above_units, line_above_rows)
-UNIT_RULES = (stated_line_of_units, comment_of_units, line_below_names, units_in_place_of_names)
+NAME_RULES = (stated_line_of_names, comment_of_names, line_above_sequence, line_above_units, line_above_rows)
+UNIT_RULES = (stated_line_of_units, comment_of_units, line_of_sequence, line_below_names, units_in_place_of_names)
 
 
 def are_units(cells: Sequence[str]) -> bool:
