@@ -88,7 +88,7 @@ def budget_of(title, text):
 @pytest.mark.slow
 def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs):
     asked = ["fit", "compare", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out"]
-    brief = palpate(*asked, "--no-pictures")
+    brief = palpate(*asked)
     assert brief.returncode == 0, brief.stderr
     # Commands are not broken.
     assert max(len(line) for line in brief.stdout.splitlines() if "palpate " not in line) <= 80
