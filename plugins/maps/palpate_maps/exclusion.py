@@ -47,14 +47,13 @@ def excluded_lumps(
         weight = np.where(apart < max(lump.extent), 0.0, weight)
     if not len(places) or weight.sum() <= 0 or baseline.count < 2:
         return ()
-    limit = site_limit(baseline, len(field.log), settings)
     offset = field.place[:, None] - places[None]
     distance = np.linalg.norm(offset, axis=2).min(axis=0)
     powers = []
     for width in WIDTHS:
         shape = field.mean(settings.response.shape(offset, direction[:, None], width / FWHM))
         is_felt = distance <= REACH * width / 2
-        contrast = _contrasts(np.where(is_felt, shape, 0.0), limit, baseline.spread)
+        contrast = _contrasts(np.where(is_felt, shape, 0.0), baseline, settings)
         powers.append(LumpPower(_quantile(contrast, weight), width, EXCLUDED_PROBABILITY))
     return tuple(powers)
 
@@ -66,18 +65,6 @@ def site_directions(sites: Sites) -> Floats:
     lengths = np.linalg.norm([before, after], axis=2)
     way, length = np.where(lengths[0] <= lengths[1], before.T, after.T).T, lengths.min(axis=0)
     return np.where((sites.standing | (length <= 0))[:, None], 0.0, way / np.maximum(length, _TINY)[:, None])
-
-
-def site_limit(baseline: Baseline, count: int, settings: LumpSettings) -> float:
-    """Return the height of a site's logarithm over the background from which on it is the first discovery of `count`.
-
-    The larger of log(1 + contrast), and the prediction interval at the rate over the number of sites.
-    """
-    from scipy import stats
-
-    k = baseline.count
-    interval = float(stats.t.isf(settings.rate / count, k - 1)) * baseline.spread * np.sqrt(1 + 1 / k)
-    return max(float(np.log1p(settings.contrast)), float(interval))
 
 
 def _places_between(middle: Floats) -> Places:
@@ -106,15 +93,31 @@ def _points_in(corners: Floats) -> Floats:
     return np.asarray(np.einsum("mi,mik->mk", weights, corners))
 
 
-def _contrasts(shape: Floats, limit: float, spread: float) -> Floats:
-    """Return the least contrast (m,) of lumps with shapes (n, m) at the sites that is found; infinite beyond 100."""
+def _contrasts(shape: Floats, baseline: Baseline, settings: LumpSettings) -> Floats:
+    """Return the least contrast (m,) of lumps with shapes (n, m) at the sites that is found; infinite beyond 100.
+
+    The limit of the first discovery is the larger of log(1 + contrast) and the prediction interval at the rate over the
+    number of sites. A wide lump raises sites that pass for background: their mean rise raises the limit, and their
+    scatter widens the interval.
+    """
+    from scipy import stats
     from scipy.special import log_ndtr
 
+    k, count = baseline.count, len(shape)
+    sizes = float(stats.t.isf(settings.rate / count, k - 1)) * np.sqrt(1 + 1 / k)
+    reported = float(np.log1p(settings.contrast))
+    own_limit = max(reported, sizes * baseline.spread)
     low, high = np.full(shape.shape[1], _LOW), np.full(shape.shape[1], _HIGH)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         rise = np.log1p(np.exp(middle) * shape)
-        missed = np.exp(log_ndtr((limit - rise) / spread).sum(axis=0))
+        # Sites below the limit without the lump pass for background.
+        passing = np.where(rise < own_limit, rise, 0.0)
+        passing_count = np.maximum((rise < own_limit).sum(axis=0), 1)
+        shift = passing.sum(axis=0) / passing_count
+        variance = np.maximum((passing**2).sum(axis=0) / passing_count - shift**2, 0.0)
+        limit = np.maximum(reported, sizes * np.sqrt(baseline.spread**2 + variance)) + shift
+        missed = np.exp(log_ndtr((limit - rise) / baseline.spread).sum(axis=0))
         is_found = missed <= 1 - EXCLUDED_PROBABILITY
         low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
     return np.where(high < _HIGH, np.exp(high), np.inf)
