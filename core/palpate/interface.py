@@ -16,7 +16,7 @@ ASSUMED_API = 1  # of a plugin that states none
 
 # Names of `palpate` that palpate's own arms, clocks, diagnoses and recorders share, and no part of others needs.
 NOT_PROMISED = frozenset((
-    "CalibrationReader", "ControlReader", "Display", "EstimatesWriter", "ForceWatch", "HoldUp", "LastDigit", "Layout",
+    "CalibrationReader", "ControlReader", "Display", "EstimatesWriter", "ForceWatch", "LastDigit", "Layout",
     "Recorder", "RepeatCount", "Repeats", "SampleStore", "SeparateReceiver", "Shareable", "SharedReadings", "Summary",
     "SupportsSharing", "Tail", "Thread", "finite_rows", "rotation_rows", "torque_fault", "turned_axes", "use_clock",
 ))  # fmt: skip

@@ -127,7 +127,7 @@ def comment_of_names(top: TopLines) -> Heading | None:
 def line_above_sequence(top: TopLines) -> Heading | None:
     """Return the names above such a line, without those of the scale, which has no column."""
     line = top.block.begin - 1
-    if line < 1 or top.cells(line)[0].lower() != _SEQUENCE:
+    if line < 1 or [cell.lower() for cell in top.cells(line)[:1]] != [_SEQUENCE]:
         return None
     return Heading(tuple(top.cells(line - 1)[: top.block.width]), line - 1)
 

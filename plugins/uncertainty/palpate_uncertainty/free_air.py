@@ -160,8 +160,8 @@ def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
 def _adhesion_flags(track: TrackEvidence, by_motion: _MotionForce, course: Along) -> Iterator[Flag]:
     """Yield a flag for a pull on the way out, before the force is zero again; its effect is that of a sticky sphere.
 
-    From the pull P = 1.5 pi w R follows the work of adhesion w, and from that by how much more the tip is within the
-    material, sqrt(2 pi w a/E*), than a contact of radius a without adhesion (Johnson, Kendall and Roberts 1971).
+    From the pull P = 1.5 pi w R follows the work of adhesion w, and from that the depth sqrt(2 pi w a/E*) by which a
+    contact of radius a is less deep than one without adhesion (Johnson, Kendall and Roberts 1971).
     """
     if track.model.adhesive or track.model.memory:
         return
