@@ -33,7 +33,7 @@ PROMISED = {
     "palpate_kit.acquisition.sensor_process": ("SensorProcess",),
     "palpate_kit.acquisition.sensor_reader": ("Reading", "SensorReader", "received"),
     "palpate_kit.acquisition.device_lock": ("network_device",),
-    "palpate_kit.acquisition.computer": ("host",),
+    "palpate_kit.acquisition.computer": ("host", "real_time"),
     "palpate_kit.kinematics.arm_model": ("ArmModel", "DHJoint"),
     "palpate_kit.kinematics.work_frame": ("WorkFrame",),
     "palpate_kit.kinematics.rotations": ("matrix_of", "pose_of", "rotation_matrix"),
