@@ -30,7 +30,7 @@ class LastDigit:
     @classmethod
     def of(cls, values: Floats) -> LastDigit:
         """Return the least difference of two readings (n,) that differ."""
-        levels = np.unique(values[np.isfinite(values)])
+        levels = np.sort(values[np.isfinite(values)])
         steps = np.diff(levels)
         steps = steps[steps > _BINARY_ROUNDING * float(np.max(np.abs(levels), initial=0.0))]
         return cls(float(steps.min()) if len(steps) else 0.0)

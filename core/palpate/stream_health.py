@@ -113,8 +113,12 @@ class Health:
 
     def repeated(self, counts: NDArray[np.int64], changes: NDArray[np.float64]) -> None:
         """Count runs (n,) of equal readings, with the larger change next to each; keep those that none surpasses."""
+        # Of single readings, which are most, only the largest change counts.
+        single = counts <= 1
+        largest_single = changes[single].max(initial=-1.0)
+        repeats = np.column_stack([counts[~single], changes[~single]])
+        runs = np.concatenate([self._repeats, [[1.0, largest_single]], repeats])
         # From the longest run on, those whose change is larger than that of every longer one.
-        runs = np.concatenate([self._repeats, np.column_stack([counts, changes])])
         runs = runs[np.lexsort((-runs[:, 1], -runs[:, 0]))]
         largest_change = np.maximum.accumulate(np.concatenate([[-1.0], runs[:-1, 1]]))
         self._repeats = np.asarray(runs[runs[:, 1] > largest_change], float)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from palpate import Samples
 from palpate_kit.numerics.tip_travel import rate_kernels, zero_phase_motion
-from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, upper_band
+from palpate_uncertainty import residual_null
+from palpate_uncertainty.force_noise import ForceNoise, upper_band
+from palpate_uncertainty.residual_null import ResidualNull
 
 RIGS = (
     "afm",
@@ -185,3 +187,35 @@ def test_the_variance_of_a_weighted_sum_is_that_of_many_draws():
     rate = np.array([np.convolve(row, kernel, "same") for row in height])
     sums = (force[:, 200:] + by_depth * height + by_rate * rate) @ weights
     assert float(null.covariance(weights[:, None])[0, 0]) == pytest.approx(float(np.var(sums)), rel=0.1)
+
+
+@pytest.mark.parametrize("coefficients", [(), (0.8,)], ids=["white", "coloured"])
+@pytest.mark.parametrize("channel", [False, True], ids=["heights", "heights-and-speeds"])
+def test_the_motion_noise_of_a_long_record_is_summed_over_blocks(monkeypatch, channel, coefficients):
+    """Sums over patterns of a motion of 2 Hz that begins at once, and over bins of its speed, of 30 s at 500 Hz."""
+    step, n = 2e-3, 15_000
+    phase = 2.0 * np.pi * 2.0 * step * np.arange(n)
+    kernels = rate_kernels((5e-6, 0.67e-3 if channel else 1e-3), 9e-3, step, channel)
+    force = ForceNoise(1e-4, np.array(coefficients), 1000)
+    null = ResidualNull(
+        force, 1.8e4 * np.sqrt(4.0 + np.sin(phase)), np.full(n, 30.0), 0.14, 5e-6, 0.67e-3 * channel, kernels
+    )
+    bins = [(np.cos(phase) > low) & (np.cos(phase) <= low + 0.2) for low in (-1.0, -0.5, 0.0, 0.5)]
+    patterns = [np.sin(phase), np.sign(np.cos(phase)), np.sin(3.0 * phase), np.linspace(-1.0, 1.0, n), *bins]
+    weights = np.column_stack(patterns) - np.mean(patterns, axis=1)
+    lengths = []
+    convolve = residual_null._back
+
+    def counted(columns, kernel):
+        lengths.append(columns.shape[1])
+        return convolve(columns, kernel)
+
+    monkeypatch.setattr(residual_null, "_back", counted)
+    in_blocks = null.covariance(weights)
+    assert max(lengths) <= n // 5
+    monkeypatch.setattr(residual_null, "LONG", n + 1)
+    of_samples = null.covariance(weights)
+    # In every combination of the sums, and not of each alone.
+    powers = np.linalg.eigvals(np.linalg.solve(of_samples, in_blocks)).real
+    assert powers.min() > 0.97
+    assert powers.max() < 1.03

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from palpate_uncertainty.residual_null import standstill_count
+from palpate_uncertainty.force_noise import standstill_count
 
 from tests.uncertainty.presses import ELASTICITY, facts, write_press, zeroed_press
 

@@ -19,10 +19,17 @@ def force_limit(force: Floats) -> float | None:
 
     Coarse readings stand at the value below it as well.
     """
-    values, counts = np.unique(force[np.isfinite(force)], return_counts=True)
-    if not len(values) or counts[-1] < max(FEWEST_AT_LIMIT, TIMES_BELOW * counts[-2:-1].sum()):
+    readings = force[np.isfinite(force)]
+    if not len(readings):
         return None
-    return float(values[-1])
+    largest = float(readings.max())
+    count = np.count_nonzero(readings == largest)
+    if count < FEWEST_AT_LIMIT:
+        return None
+    # The next smaller reading.
+    below = readings[readings < largest]
+    count_below = np.count_nonzero(below == below.max()) if len(below) else 0
+    return largest if count >= TIMES_BELOW * count_below else None
 
 
 def at_limit(force: Floats, height: Floats, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:

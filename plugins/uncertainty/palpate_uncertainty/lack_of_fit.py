@@ -12,6 +12,7 @@ from palpate_engine import remedy_of
 
 from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.discrepancy import Misfit, has_layer, judge_misfit
+from palpate_uncertainty.force_noise import air_readings, rounding_noise
 from palpate_uncertainty.refit import free_unknowns, make_course, moves_along, possible
 from palpate_uncertainty.refitted_model import (
     ENOUGH,
@@ -25,7 +26,6 @@ from palpate_uncertainty.refitted_model import (
     refitted_model,
     with_noise,
 )
-from palpate_uncertainty.residual_null import air_readings, rounding_noise
 from palpate_uncertainty.residual_tests import ResidualTests, refit_tests, residual_tests
 from palpate_uncertainty.score_tests import LEVEL
 

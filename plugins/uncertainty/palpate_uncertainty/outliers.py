@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
-from palpate_uncertainty.residual_null import ForceNoise
+from palpate_uncertainty.force_noise import ForceNoise
 
 # Choices: a spike stands out of its neighbours so far that noise does not in any record.
 _REACH = 5  # samples to either side, of the running median

@@ -18,10 +18,10 @@ from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.directed_scores import SUSPICIOUS, model_slopes, scores
 from palpate_uncertainty.directed_tests import DirectedTest, directed_tests
 from palpate_uncertainty.discrepancy import Explanation, Misfit, has_layer, judge_misfit
+from palpate_uncertainty.force_noise import standstill_count
 from palpate_uncertainty.model_alternatives import alternatives
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along
-from palpate_uncertainty.residual_null import standstill_count
 from palpate_uncertainty.score_tests import LEVEL
 from palpate_uncertainty.whiteness import PHASES, WhitenessTest, oscillation, whiteness_tests
 

@@ -2,140 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LastDigit, SampleStore, TrackEvidence
+from palpate import Floats, TrackEvidence
 from palpate_engine import force_slopes
 from palpate_kit.numerics.tip_travel import noise_of, rate_kernels
 
-from palpate_uncertainty.channel_noise import null_of
+from palpate_uncertainty.force_noise import ForceNoise
 from palpate_uncertainty.refit import Course
 
-AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
-REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
-_AIR_HEIGHT_SHARE = 0.05  # of the way in contact, above which the air before it is air
-_BAND_BEGIN = 0.125  # of the band, from which on what a model leaves is noise
-_FLATNESS_RATIO = 1.5  # by which parts of a flat band differ at most
-_FLATNESS_DEVIATIONS = 3.8  # standard deviations, the same of few readings
-_MIN_CHANGE_SHARE = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
-_HANN_VARIANCE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
-LAW_ROUNDING = 2e-6  # of the range of the force, that a fit of a computed force leaves where contact sets in
-_MIN_STEP_NOISES = 0.5  # of the noise, above which a step of the readings counts in addition
-
-
-@dataclass(frozen=True)
-class ForceNoise:
-    """The noise of the force, as an autoregression of white noise."""
-
-    std: float  # [N]
-    coefficients: Floats  # (p,) of the autoregression; empty: white
-    readings: int  # that determine it
-    excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
-
-    @classmethod
-    def of(cls, track: TrackEvidence, left: Floats) -> ForceNoise | None:
-        """From standstill, else from the air before the contact, else from the upper band of what is left (n,) [N].
-
-        Where the last digit exceeds all of these, it is the noise. None where it is open.
-        """
-        if (rounding := rounding_noise(track)) is not None:
-            return rounding
-        rest = air_readings(track)
-        if rest is None:
-            return upper_band(left, track.kept.force)
-        null, std = null_of(rest), float(np.std(rest, ddof=1))
-        steps, digit = np.abs(np.diff(track.kept.force)), LastDigit.of(track.kept.force)
-        share = float(np.mean(steps == 0)) if len(steps) else 0.0
-        if (
-            share > 0.02 or digit.step > _MIN_STEP_NOISES * std
-        ):  # readings in steps: those add noise that the air need not show
-            std = float(np.hypot(std, digit.noise))
-        return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
-
-    def spectrum(self, n: int) -> Floats:
-        """Power (m,) [N^2] over the frequencies of a real transform of n points."""
-        inverse = np.abs(np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), n)) ** -2
-        # Over all n frequencies the mean is the variance.
-        whole = 2.0 * inverse.sum() - inverse[0] - (inverse[-1] if n % 2 == 0 else 0.0)
-        return np.asarray(inverse * self.std**2 * n / whole)
-
-
-def rounding_noise(track: TrackEvidence) -> ForceNoise | None:
-    """Return the noise of rounding where the last digit of the force exceeds all other noise; else None."""
-    return _rounding_noise(track.kept)
-
-
-@lru_cache(maxsize=2)  # several diagnoses of a track ask
-def _rounding_noise(kept: SampleStore) -> ForceNoise | None:
-    """Return the noise of rounding of kept samples; None where their force has more."""
-    force = kept.force[np.isfinite(kept.force)]
-    digit = LastDigit.of(force)
-    if not digit.exceeds_noise(force):
-        return None
-    return ForceNoise(max(digit.noise, LAW_ROUNDING * float(np.ptp(force))), np.zeros(0), len(force))
-
-
-def air_readings(track: TrackEvidence) -> Floats | None:
-    """Force (n,) [N] without contact that shows the noise: at standstill, else on the way; None where it is short."""
-    known = np.isfinite(track.air_force)
-    time, force, place = track.air_time[known], track.air_force[known], track.air_position[known]
-    if len(time) < READINGS:
-        return None
-    until = standstill_count(time, place)
-    if until < READINGS or time[until - 1] - time[0] < AIR:
-        kept = track.kept.position
-        way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
-        near = place < track.surface + _AIR_HEIGHT_SHARE * way
-        until = int(np.argmax(near)) if near.any() else len(place)
-    if until < READINGS or time[until - 1] - time[0] < AIR:
-        return None
-    return np.asarray(force[:until])
-
-
-def standstill_count(time: Floats, place: Floats) -> int:
-    """Return how many of the first readings, at times (n,) [s] and heights (n,) [m], are of a tip at rest.
-
-    A tip moves where it is off the mean of the first moments by more than heights scatter there about a line, and by
-    more than their resolution. It does not begin at rest where that line rises by as much.
-    """
-    known = np.isfinite(place)
-    if not known.any():
-        return len(place)
-    # The first moments: as long as is needed to determine a noise.
-    window = known & (np.arange(len(place)) < READINGS) | known & (time <= time[0] + AIR)
-    if not window.any():
-        return 0
-    centred, level = time[window] - np.mean(time[window]), float(np.mean(place[window]))
-    slope = float(centred @ place[window]) / max(float(centred @ centred), 1e-300)
-    scatter = float(np.std(place[window] - level - slope * centred))
-    steps = np.abs(np.diff(place[known]))
-    limit = REST * scatter + float(np.min(steps[steps > 0], initial=np.inf) if (steps > 0).any() else 0.0)
-    if abs(slope) * float(np.ptp(centred)) > limit:
-        return 0
-    moving = np.abs(place - level) > limit
-    return int(np.argmax(moving)) if moving.any() else len(place)
-
-
-def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:
-    """White noise of at most the power of the upper band of what a model has left (n,) [N] of readings (m,) [N].
-
-    None where that is not flat, or below the step of the readings. A few samples show little of how flat it is.
-    """
-    steps = np.abs(np.diff(readings))
-    if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _MIN_CHANGE_SHARE * len(steps):
-        return None
-    window = np.hanning(len(left))
-    power = np.abs(np.fft.rfft(np.diff(left, 2) * window[1:-1])) ** 2 / float(window @ window)
-    angle = np.linspace(0.0, np.pi, len(power))[int(_BAND_BEGIN * len(power)) :]
-    band = power[-len(angle) :] / (2.0 * np.sin(angle / 2.0)) ** 4
-    parts = [float(np.mean(part)) for part in np.array_split(band, 4)]
-    flat = max(_FLATNESS_RATIO, float(np.exp(_FLATNESS_DEVIATIONS * np.sqrt(_HANN_VARIANCE * 4 / len(band)))))
-    if max(parts) > flat * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
-        return None
-    return ForceNoise(max(parts) ** 0.5, np.zeros(0), len(band))
+LONG = 8192  # samples, from which on the noise of the motion is summed over blocks (a choice: 16 s of a robot)
+BLOCKS_OF_KERNEL = 4  # blocks of a kernel of the rate; with these a variance by the motion is within 3 % (0600)
+NOISE_MEMORY = 4096  # samples, after which an autoregression of order 30 has died away (a choice)
 
 
 @dataclass(frozen=True)
@@ -155,26 +37,66 @@ class ResidualNull:
         """(m, m) [N^2] of the sums of weights (n, m) times the residual."""
         columns = weights.T
         if len(self.force.coefficients):
-            n = 1 << int(np.ceil(np.log2(max(2 * len(weights), 4))))
+            n = transform_points(len(weights))
             both = np.full(n // 2 + 1, 2.0)
             both[[0, -1]] = 1.0
             waves = np.fft.rfft(columns, n) * np.sqrt(both * self.force.spectrum(n) / n)
-            found = self.force.excess * np.real(waves @ waves.conj().T)
+            covariance = self.force.excess * np.real(waves @ waves.conj().T)
         else:
-            found = self.force.std**2 * (columns @ columns.T)
-        rate = columns * self.by_rate
-        by_height = columns * self.by_depth + _back(rate, self.kernels[0])
-        if self.mass:
-            by_height = by_height + self.mass * _back(columns, self.kernels[2])
-        found = found + self.height**2 * (by_height @ by_height.T)
-        if self.speed:
-            by_speed = _back(rate, self.kernels[1])
-            if self.mass:
-                by_speed = by_speed + self.mass * _back(columns, self.kernels[3])
-            found = found + self.speed**2 * (by_speed @ by_speed.T)
+            covariance = self.force.std**2 * (columns @ columns.T)
+        # The heights and speeds, from which depth, rate and acceleration are derived.
+        covariance = covariance + self._motion_covariance(columns)
         if self.stated.size:
-            found = found + (stated := columns @ self.stated) @ stated.T
-        return np.asarray(found)
+            covariance = covariance + (stated := columns @ self.stated) @ stated.T
+        return np.asarray(covariance)
+
+    def _motion_covariance(self, columns: Floats) -> Floats:
+        """(m, m) [N^2] of sums with the weights (m, n) by the noise of heights and speeds.
+
+        A height acts by the depth on its own sample, and by the rate on as many as its kernel has. Sums over a kernel
+        vary slowly: of a long record they follow from the weights of blocks of a quarter of a kernel.
+        """
+        if columns.shape[1] < LONG or self._block_length < 2:
+            return self._covariance_by(*self._weights_of_readings(columns))
+        blocks = self._in_blocks
+        weights = self._block_length * block_means(columns, self._block_length)
+        covariance = blocks._covariance_by(*blocks._weights_of_readings(weights))
+        # The part by the depth, of each sample instead of each block.
+        by_depth, of_blocks = columns * self.by_depth, weights * blocks.by_depth
+        return covariance + self.height**2 * (by_depth @ by_depth.T) - blocks.height**2 * (of_blocks @ of_blocks.T)
+
+    def _weights_of_readings(self, columns: Floats) -> tuple[Floats, Floats]:
+        """Weights (m, n) of the heights [N/m] and of the speeds [N s/m] in sums with the weights (m, n)."""
+        rate = columns * self.by_rate
+        of_heights = columns * self.by_depth + _back(rate, self.kernels[0])
+        if self.mass:
+            of_heights = of_heights + self.mass * _back(columns, self.kernels[2])
+        if not self.speed:
+            return of_heights, np.zeros((len(columns), 0))
+        of_speeds = _back(rate, self.kernels[1])
+        if self.mass:
+            of_speeds = of_speeds + self.mass * _back(columns, self.kernels[3])
+        return of_heights, of_speeds
+
+    def _covariance_by(self, of_heights: Floats, of_speeds: Floats) -> Floats:
+        """(m, m) [N^2] of sums with weights (m, n) of heights and of speeds."""
+        return np.asarray(self.height**2 * (of_heights @ of_heights.T) + self.speed**2 * (of_speeds @ of_speeds.T))
+
+    @property
+    def _block_length(self) -> int:
+        """Samples of a block, over which the kernel of the rate hardly changes."""
+        return len(self.kernels[0]) // BLOCKS_OF_KERNEL
+
+    @cached_property
+    def _in_blocks(self) -> ResidualNull:
+        """The same noise of the motion, of means of blocks."""
+        length = self._block_length
+        by_height, by_speed, bend, bend_by_speed = (kernel_of_means(kernel, length) for kernel in self.kernels)
+        return replace(
+            self, by_depth=block_means(self.by_depth, length), by_rate=block_means(self.by_rate, length),
+            height=self.height / math.sqrt(length), speed=self.speed / math.sqrt(length),
+            kernels=(by_height, by_speed, bend, bend_by_speed),
+        )  # fmt: skip
 
     @cached_property
     def std(self) -> Floats:
@@ -201,6 +123,33 @@ def slopes_of(course: Course, theta: Floats, surface: float) -> tuple[Floats, Fl
     force, by_parameter, by_depth, by_rate = force_slopes(course.model, depth, course.rate[rows], theta.tolist())
     jacobian: Any = np.nan_to_num(np.column_stack([by_parameter, by_depth]))
     return force, jacobian, np.nan_to_num(by_depth), np.nan_to_num(by_rate)
+
+
+def block_means(values: Floats, length: int) -> Floats:
+    """Return the means (..., b) of so many neighbours each, along the last axis; a rest at the end is left out."""
+    whole = values[..., : values.shape[-1] // length * length]
+    return np.asarray(whole.reshape(*values.shape[:-1], -1, length) @ np.full(length, 1.0 / length))
+
+
+def kernel_of_means(kernel: Floats, length: int) -> Floats:
+    """Return the kernel (q,) by which the means of blocks of a convolution follow from those of its input.
+
+    k_j = sum_i (1 - |i|/length) kernel_(j length + i), of an odd number of samples, scaled to the variance that white
+    noise has by the kernel itself: what varies within the blocks of the input is lost.
+    """
+    box = np.full(length, 1.0 / length)
+    of_pairs = length * np.convolve(kernel, np.convolve(box, box))
+    of_means = of_pairs[len(of_pairs) // 2 % length :: length]
+    power = length * float(np.sum(np.convolve(kernel, box) ** 2))
+    return of_means * math.sqrt(power / float(of_means @ of_means)) if power > 0 else of_means
+
+
+def transform_points(count: int) -> int:
+    """Return the points of a transform of so many samples, of which the last are not next to the first."""
+    points = count + min(count, NOISE_MEMORY)
+    if points <= 2 * NOISE_MEMORY:
+        return 1 << int(np.ceil(np.log2(max(points, 4))))
+    return -(-points // NOISE_MEMORY) * NOISE_MEMORY
 
 
 def _back(weights: Floats, kernel: Floats) -> Floats:

@@ -14,8 +14,9 @@ from palpate import Floats, TrackEvidence
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
+from palpate_uncertainty.force_noise import rounding_noise
 from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_without_air
-from palpate_uncertainty.residual_null import rounding_noise, slopes_of
+from palpate_uncertainty.residual_null import slopes_of
 
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
 _BIN_COUNTS = {

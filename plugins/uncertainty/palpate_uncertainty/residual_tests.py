@@ -14,9 +14,10 @@ from palpate_kit.numerics.tip_travel import zero_phase_motion
 from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.causes import cause_of
 from palpate_uncertainty.discrepancy import FARTHEST, NEARLY, Explanation, Misfit
+from palpate_uncertainty.force_noise import ForceNoise
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, make_course, zero_without_air
-from palpate_uncertainty.residual_null import ForceNoise, ResidualNull, motion_noise
+from palpate_uncertainty.residual_null import ResidualNull, motion_noise
 from palpate_uncertainty.residual_rows import FIXED, JudgedRows, slow_acceleration
 from palpate_uncertainty.score_tests import LEVEL, ResidualSpace, TestedResidual, effective_count
 from palpate_uncertainty.whiteness import oscillation
