@@ -1,8 +1,8 @@
 """A file of 1000 samples from its bytes to its values, by palpate and by its peers, and what each gives.
 
 Run it with: python benchmarks/peers.py [CURVES]. Processor time of a curve, in turns in one process, one thread of
-BLAS; medians of three rounds and the ratio to `numpy.loadtxt` and `curve_fit`. nanite reads the same numbers from files of
-afmformats. Its rating and the intervals of lmfit take a fifth of a second and more: two curves a round.
+BLAS; medians of three rounds and the ratio to `numpy.loadtxt` and `curve_fit`. nanite reads the same numbers from
+files of afmformats. Its rating and the intervals of lmfit take a fifth of a second and more: two curves a round.
 """
 
 from __future__ import annotations

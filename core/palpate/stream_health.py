@@ -117,7 +117,7 @@ class Health:
         single = counts <= 1
         largest_single = changes[single].max(initial=-1.0)
         repeats = np.column_stack([counts[~single], changes[~single]])
-        runs = np.concatenate([self._repeats, [[1.0, largest_single]], repeats])
+        runs = np.concatenate([self._repeats, np.array([[1.0, largest_single]]), repeats])
         # From the longest run on, those whose change is larger than that of every longer one.
         runs = runs[np.lexsort((-runs[:, 1], -runs[:, 0]))]
         largest_change = np.maximum.accumulate(np.concatenate([[-1.0], runs[:-1, 1]]))
