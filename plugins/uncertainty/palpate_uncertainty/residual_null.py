@@ -138,7 +138,7 @@ def kernel_of_means(kernel: Floats, length: int) -> Floats:
     noise has by the kernel itself: what varies within the blocks of the input is lost.
     """
     box = np.full(length, 1.0 / length)
-    of_pairs = length * np.convolve(kernel, np.convolve(box, box))
+    of_pairs: Floats = length * np.convolve(kernel, np.convolve(box, box))
     of_means = of_pairs[len(of_pairs) // 2 % length :: length]
     power = length * float(np.sum(np.convolve(kernel, box) ** 2))
     return of_means * math.sqrt(power / float(of_means @ of_means)) if power > 0 else of_means
