@@ -94,6 +94,23 @@ SPEED = {
         ),
     ),
 }
+PEERS = (
+    "pandas, curve_fit",
+    "lmfit",
+    "lmfit with intervals",
+    "nanite",
+    "nanite with its rating",
+    "palpate, look and row",
+)
+SPEED["peers.py 20"] = tuple(
+    Row(
+        f"a curve of 1000 samples from its file to values, {peer}",
+        rf"  {peer} +(?P<figure>\d\S*) ms +(?P<ratio>\S+) x by hand",
+        "ms",
+        "`loadtxt` and `curve_fit`",
+    )
+    for peer in PEERS
+)
 MEMORY = {
     "logs_memory.py --gigabytes 4": (Row("memory of reading a log of 4 GB", r"(?P<figure>\d+) MiB", "MiB"),),
     "fits.py --large": (Row("fit of 10^7 samples, whole process", r"whole process: (?P<figure>\S+) GB", "GB"),),
