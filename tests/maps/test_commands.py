@@ -13,7 +13,9 @@ import pytest
 from palpate_commands.remaining_motion import remaining_pipeline
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
+from palpate_maps.lump_criteria import TrackResponse
 from palpate_maps.map_analysis import find_lumps, make_map, read_path, sites_along
+from palpate_maps.track_response import SIGMA
 
 from tests.processes import DEVNULL, PALPATE, PIPE, start
 
@@ -92,7 +94,8 @@ def test_a_track_excludes_by_its_own_response(palpate, sweep_run, tmp_path, trac
     assert done.returncode == 0, done.stderr
     found = json.loads((run / "maps" / "lumps.json").read_text())
     follows = least > 0
-    assert (found["response"]["height"] > least) if follows else (found["response"]["height"] < 0.5)
+    share = TrackResponse(**found["response"]).share(SIGMA)
+    assert share > least if follows else share < 0.5
     assert bool(found["excluded"]) == follows
     assert ("does not follow the changes" in done.stderr) != follows
     page = tmp_path / "run.html"
