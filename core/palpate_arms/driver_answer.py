@@ -18,7 +18,7 @@ def reading_problem(reading: Any, joints: int, status: int) -> str | None:
         return f"its driver's `read` returned {_kind(reading)}; expected an ArmReading, or None where no state is new"
     for field, count in zip(_FIELDS, (joints, joints, _POSE, _POSE, _POSE, status), strict=True):
         values = getattr(reading, field)
-        if values is None and field in _OPTIONAL:
+        if field in _OPTIONAL and values is None:
             continue
         try:
             if len(values) != count:

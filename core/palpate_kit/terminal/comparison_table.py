@@ -36,7 +36,7 @@ def comparison_table(table: ResultTable, is_whole: bool = False) -> Table:
     names = list(dict.fromkeys(name for row in table.rows for name in row.values)) if is_whole else table.names
     values = value_table(table, names=names)
     distant_names = [name for name in names if any(name in _distances(row) for row in table.rows)]
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             *(cells if is_whole else _with_reason(cells, row)),
             *_measure_cells(row, is_whole),

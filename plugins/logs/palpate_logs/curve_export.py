@@ -26,6 +26,6 @@ def _is_hdf5_of_curves(path: Path) -> bool:
         return True
     try:
         with h5py.File(path, "r") as file:
-            return "software version" in file.attrs and any(name.isdecimal() for name in file)
+            return "software version" in file.attrs and any(str(name).isdecimal() for name in file)
     except OSError:
         return False

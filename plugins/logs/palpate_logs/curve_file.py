@@ -149,7 +149,8 @@ def _hdf5_file(path: Path) -> CurveFile:
         with closing(h5py.File(path, "r")) as file:
             if "software version" not in file.attrs:
                 raise LogError(f"{path}: is not a force curve that afmformats knows: export it as text")
-            return _ExportedCurves(path, tuple(sorted(int(name) for name in file if name.isdecimal())))
+            names = map(str, file)
+            return _ExportedCurves(path, tuple(sorted(int(name) for name in names if name.isdecimal())))
 
     return _by_afmformats(str(path), load)
 

@@ -157,6 +157,7 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
         high += [farthest] * shift + [_MAX_CONTRAST, np.log(_MAX_SIGMA)]
         begin += [0.0] * shift + [body.contrast, np.log(body.sigma)]
     unknowns, noise = np.array(begin), floor
+    residual: Floats = np.zeros(0)
     widths = np.cumsum([body.size for body in starts], dtype=int)
     system = _Equations(field, starts, widths)
     for _ in range(_NOISE_ROUNDS if starts else 1):
@@ -166,7 +167,8 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
         before, noise = noise, max(floor, float(np.sqrt(residual @ residual / max(len(residual) - len(begin), 1))))
         if abs(noise / before - 1) < 0.05:
             break
-    square = system.normal(unknowns, noise)
+    square: Floats = system.normal(unknowns, noise)
+    covariance: Floats = np.asarray(np.linalg.pinv(square[1:, 1:], hermitian=True), float)
     return BodyFit(
         field,
         float(unknowns[0]),
@@ -175,7 +177,7 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
         noise,
         floor,
         float(np.square(system.prior_rows(unknowns)[:, 0]).sum()),
-        np.asarray(np.linalg.pinv(square[1:, 1:], hermitian=True)),
+        covariance,
     )
 
 

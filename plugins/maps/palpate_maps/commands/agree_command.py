@@ -150,7 +150,10 @@ def _pairs(maps: list[RunMap]) -> list[RunPair]:
             (first.name, second.name, map_agreement(first.sites, second.sites, math.hypot(*shares)), differing)
         )
     corrected = holm([agreement.p for _, _, agreement, _ in compared])
-    return [RunPair(*parts, p) for parts, p in zip(compared, corrected, strict=True)]
+    pairs = []
+    for (first_name, second_name, agreement, differing), p in zip(compared, corrected, strict=True):
+        pairs.append(RunPair(first_name, second_name, agreement, differing, p))
+    return pairs
 
 
 def _table(pairs: list[RunPair]) -> Table:
