@@ -20,7 +20,8 @@ def run_pipelines(folder: Path) -> None:
     """Make every run, replay, fit and export, each in a folder of its own."""
     folder = folder.resolve()
     for path in SHIPPED:
-        palpate("run", path, "--out", folder / path.stem)
+        name = "-".join(path.relative_to(ROOT / "pipelines").with_suffix("").parts)
+        palpate("run", path, "--out", folder / name)
     point = folder / "point"
     palpate("rehearse", "pipelines/point_ur3e.toml", "--hold-up", "robot 8 ms every 1 s", "--out", folder / "rehearsal")
     for run in ("point", "raster", "rehearsal"):
