@@ -87,3 +87,16 @@ def test_a_column_without_a_name_that_moves_like_a_place_is_asked_for(tmp_path):
     path.write_text("\n".join(path.read_text().splitlines()[1:]) + "\n")
     suggestion = suggest_csv(path, {"time": "0", "position": "1", "force": "2"})
     assert any("--lateral sets it" in doubt for doubt in suggestion.doubts)
+
+
+def test_a_twist_is_a_velocity_and_its_other_axes_are_no_places(tmp_path):
+    """As in a log that was exported: columns have the fields of their messages for names, and no units."""
+
+    def wander(time, height):
+        return 0.02 * np.sin(3 * time)
+
+    names = ["tip:pose.position.x", "twist:twist.linear.x", "twist:twist.linear.z"]
+    path = sweep(tmp_path / "a.csv", names, still, wander, lambda time, height: np.gradient(height, time))
+    suggestion = suggest_csv(path, {"velocity": names[2]})
+    assert suggestion.device["columns"]["velocity"] == {"column": names[2], "unit": "mm/s"}
+    assert not [key for key in suggestion.alignment if key.startswith("lateral")]

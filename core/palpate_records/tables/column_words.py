@@ -18,7 +18,7 @@ WORDS = {
         "penetration piezo z weg standardweg traverse traversenweg hub höhe tiefe eindringtiefe verformung deformation "
         "uzama déplacement desplazamiento spostamento compression zpos 変位 ストローク 深さ 位移"
     ),
-    "velocity": "velocity vel speed geschwindigkeit vz zdot dzdt",
+    "velocity": "velocity vel speed twist geschwindigkeit vz zdot dzdt",
     "time": "time timestamp stamp zeit prüfzeit prufzeit testzeit temps tiempo tempo süre zaman elapsed 時間 时间",
     "other": (
         "stress strain temperature torque moment energy index cycle cycles count points scan current humidity area "

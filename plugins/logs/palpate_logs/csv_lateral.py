@@ -41,15 +41,17 @@ def lateral_columns(
     """Return the lateral columns of a sheet with values (n, columns): those stated, else those that names say.
 
     `picks` are the columns of force and motion by role, `unit` that of the position. Columns named x or y, or elements
-    of a pose, that go 2 mm and more and are not the height again. Of a column that only moves as if it were one a hint
-    asks. Raises LogError for a stated column that is missing, or does not move like a place.
+    of a pose, that go 2 mm and more and are not the height again; none that differs from a force or a velocity by its
+    axis alone. Of a column that only moves as if it were one a hint asks. Raises LogError for a stated column that is
+    missing, or does not move like a place.
     """
     if stated is not None:
         return _stated_columns(sheet, values, unit, stated)
     lateral = LateralColumns()
     height = values[:, picks["position"]]
+    vectors = {sheet.names[k][:-1] for role, k in picks.items() if role != "position"} - {""}
     for k, name in enumerate(sheet.names):
-        axis = None if k in picks.values() else _axis_of(name)
+        axis = None if k in picks.values() or name[:-1] in vectors else _axis_of(name)
         if axis is None or axis in lateral.columns or _correlation(values[:, k], height) > _ALIKE:
             continue
         own_unit = sheet.unit(k) or unit
