@@ -48,8 +48,9 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     z, f = (position, force) if finite.all() else (position[finite], force[finite])
     if len(z) < _MIN_SAMPLES:
         return None
-    min_descent = shortest_descent(z, float(z.max()) - float(z.min()))
-    if not float(z.max()) - float(z.min()) > min_descent:
+    height_range = float(z.max()) - float(z.min())
+    min_descent = shortest_descent(z, height_range)
+    if not height_range > min_descent:
         return None
     stride = -(-len(z) // _MAX_SAMPLES)
     z, f = z[::stride], f[::stride]

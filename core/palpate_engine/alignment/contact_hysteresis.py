@@ -39,8 +39,9 @@ class ContactHysteresis:
     def _events(self, samples: Samples) -> NDArray[np.int64]:
         """Return for each sample (n,) whether contact goes on, off, or stays as it was."""
         # By the force.
-        above = run_lengths(samples.force > self._threshold.at(samples.time), self._above)
-        below = run_lengths(samples.force < self._threshold.release_at(samples.time), self._below)
+        limit = self._threshold.at(samples.time)
+        above = run_lengths(samples.force > limit, self._above)
+        below = run_lengths(samples.force < limit - self._threshold.hysteresis, self._below)
         self._above, self._below = int(above[-1]), int(below[-1])
         is_on, is_off = above >= SAMPLES_IN_A_ROW, below >= SAMPLES_IN_A_ROW
         events = np.where(is_on, _ON, np.where(is_off, _OFF, _UNCHANGED))

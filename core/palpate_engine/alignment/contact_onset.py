@@ -82,7 +82,7 @@ class ContactOnset:
 
         # The first sample at which contact would end again.
         after = held[detection + 1 : detection + 1 + self._lookback.after]
-        is_low = after.force < self._threshold.release_at(after.time)
+        is_low = after.force < self._threshold.at(after.time) - self._threshold.hysteresis
         ends = np.flatnonzero(run_lengths(is_low, 0) >= SAMPLES_IN_A_ROW)
         if not len(ends):
             return False

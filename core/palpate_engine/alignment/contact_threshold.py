@@ -52,9 +52,10 @@ class ContactThreshold:
             return self.air.at(time) + self.force + self.air.spread(time)
         return np.maximum(self.force, (1.0 - _DRIFT_SHARE) * self.force + self.drift * time)
 
-    def release_at(self, time: Floats) -> Floats:
-        """Return the force (n,) [N] below which contact ends at a time [s]: half a threshold lower (hysteresis)."""
-        return self.at(time) - 0.5 * self.force
+    @property
+    def hysteresis(self) -> float:
+        """Force [N] below that which counts as touch, at which contact ends: half of the threshold."""
+        return 0.5 * self.force
 
     def above_air(self, samples: Samples) -> Floats:
         """Return the force (n,) [N] of samples above the line through the air; unchanged without one."""

@@ -103,14 +103,16 @@ def record_touch(samples: Samples, max_mass: float, max_misfit: float = _MAX_MIS
     rows = np.flatnonzero(np.isfinite(samples.force) & np.isfinite(samples.position))
     if len(rows) < 2 * MIN_AIR:
         return None
-    height, force = samples.position[rows], samples.force[rows]
-    min_descent = shortest_descent(height, float(np.ptp(height)))
-    if not float(np.ptp(height)) > min_descent or not float(np.ptp(force)) > 0.0:
+    readings = samples[rows]
+    height, force = readings.position, readings.force
+    height_range = float(np.ptp(height))
+    min_descent = shortest_descent(height, height_range)
+    if not height_range > min_descent or not float(np.ptp(force)) > 0.0:
         return None
 
     # Air and contact, fitted to the means of blocks.
     size = _block_size(len(rows))
-    averages = averaged(samples[rows], size)
+    averages = averaged(readings, size)
     if max_mass > 0.0:
         averages = with_acceleration(averages)
     fit = fit_touch(averages, max_mass)
@@ -127,7 +129,7 @@ def record_touch(samples: Samples, max_mass: float, max_misfit: float = _MAX_MIS
         return None
     # Where a mass is set in motion, what it leaves would pass for noise, and any press for a bent line.
     bends = _BENDS if averages.acceleration is None else 0.0
-    if _gain_over_wave(averages.time, fit, _interval(samples[rows]), bends) < _MIN_GAIN_OVER_WAVE * variance:
+    if _gain_over_wave(averages.time, fit, _interval(readings), bends) < _MIN_GAIN_OVER_WAVE * variance:
         return None
 
     # The first of some samples in a row below the surface.

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate_engine import Result, TrackResult, UncertainValue, display_unit, function_of
+from palpate_engine import Pipeline, Result, TrackResult, UncertainValue, display_unit, function_of
 
 from palpate_kit.terminal.comparison_table import comparison_table, lines_below
+from palpate_kit.terminal.fact_line import command_again, run_subject
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.quantities import round_number
 from palpate_kit.terminal.result_screen import (
@@ -30,21 +31,19 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def result_views(
-    result: Result, sections: Mapping[str, ReportSection], details: bool, subject: str, command: str
-) -> Iterator[RenderableType]:
-    """Return the values of each track with their verdicts, sections, findings and open facts; a view each.
+def result_views(pipeline: Pipeline, result: Result, details: bool) -> Iterator[RenderableType]:
+    """Yield the values of each track with their verdicts, sections, findings and open facts of a run; a view each.
 
-    `subject` are tip, model and motion in words. `command` estimates again, with the facts that its options state. With
-    `details` every column, section and flag.
+    With `details` every column, section and flag.
     """
     from rich.text import Text
 
     table, names = result_table(result), list(_units(result))
+    sections = pipeline.registry.report_sections
     shown = {name: section for name, section in sections.items() if details or not section.detail}
     if layout() == "table":
         yield Text(title_line(result.run["name"]))
-        yield from map(Text, filled(subject))
+        yield from map(Text, filled(run_subject(pipeline, result)))
     if details:
         yield _every_number(result)
     elif not result.tracks:
@@ -58,11 +57,14 @@ def result_views(
         yield Text(_ALONG.format(folder=result.folder))
     yield from _more(result, shown)
     yield from _derived(result)
-    yield from _flags(result) if details else map(coloured, _lines_below(table, command))
+    yield from _flags(result) if details else map(coloured, _lines_below(table, command_again(pipeline, result)))
 
 
 def _lines_below(table: ResultTable, command: str) -> Iterator[str]:
-    """Return findings, notes on the record and open facts; of several tracks how many have which word."""
+    """Yield findings, notes on the record and open facts; of several tracks how many have which word.
+
+    `command` estimates again, with the facts that its options state.
+    """
     yield from finding_lines(table, command)
     yield from fact_lines(table, command)
     if len(table.rows) > 1:

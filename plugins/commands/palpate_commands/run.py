@@ -13,7 +13,6 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate_engine import Pipeline, context_of, function_of, load_pipeline, run_pipeline
-from palpate_kit.terminal.fact_line import command_again, run_subject
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
@@ -76,8 +75,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
         typer.echo(json.dumps(result.table(), indent=2))
     else:
         terminal = console(120 if details else WIDTH)
-        subject, command = run_subject(pipeline, result), command_again(pipeline, result)
-        for view in result_views(result, pipeline.registry.report_sections, details, subject, command):
+        for view in result_views(pipeline, result, details):
             print_view(terminal, view)
         if (lift := result.run.get("lifted")) is not None:
             typer.echo(

@@ -54,7 +54,7 @@ def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackRe
         return None
     shape = np.exp(-0.5 * (distances(samples.lateral, middles) / SIGMA) ** 2)
     shape = np.where(np.isfinite(shape), shape, 0.0).sum(axis=1)
-    names = [parameter.name for parameter in pipeline.tracks[0].model.parameters]
+    names = [unknown.name for unknown in pipeline.tracks[0].model.parameters]
     values = []
     for height in (0.0, _CONTRAST):
         (running,) = start_tracks(pipeline)

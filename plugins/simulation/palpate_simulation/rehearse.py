@@ -12,7 +12,6 @@ from typing import Annotated
 import typer
 from palpate import ArmTruth, ConfigurationError, DeviceError, HoldUp, SimulatedTwin, Time, Twin, suggest
 from palpate_engine import Pipeline, Result, SafetySettings, load_pipeline, run_pipeline
-from palpate_kit.terminal.fact_line import command_again, run_subject
 from palpate_kit.terminal.options import DetailsOption, FolderOption, Overrides
 from palpate_kit.terminal.result_screen import WIDTH, print_view
 from palpate_kit.terminal.result_summary import result_views
@@ -61,8 +60,7 @@ def rehearse(
         truth = bench.truth
     if result is not None:
         terminal = console(120 if details else WIDTH)
-        subject, command = run_subject(pipeline, result), command_again(pipeline, result)
-        for view in result_views(result, pipeline.registry.report_sections, details, subject, command):
+        for view in result_views(pipeline, result, details):
             print_view(terminal, view)
         typer.echo(f"written to {result.folder}")
     if pipeline.safety is not None:

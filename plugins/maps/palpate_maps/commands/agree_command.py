@@ -33,6 +33,7 @@ class RunMap:
 
     name: str
     folder: Path
+    parameter: str
     sites: Sites
     common: RigShare
 
@@ -72,12 +73,12 @@ def agree(
         chosen = _common_track(runs, track)
         maps = [_run_map(run, name, chosen, parameter) for run, name in zip(runs, _names(runs), strict=True)]
         pairs = _pairs(maps)
-    path = _path(runs[0], chosen, parameter)
-    unit = unit_of(runs[0], chosen, path.parameter)
+    name = maps[0].parameter
+    unit = unit_of(runs[0], chosen, name)
     series = {run_map.name: run_map.sites for run_map in maps}
-    save_figure(agreement_picture(series, {pair.name: pair.agreement for pair in pairs}, path.parameter, unit), out)
+    save_figure(agreement_picture(series, {pair.name: pair.agreement for pair in pairs}, name, unit), out)
     if as_json:
-        print_json({"track": chosen, "parameter": path.parameter, "pairs": [_document(pair) for pair in pairs]})
+        print_json({"track": chosen, "parameter": name, "pairs": [_document(pair) for pair in pairs]})
         return
     console().print(_table(pairs).view(), highlight=False)
     typer.echo("\n".join([*_sentences(pairs, maps), f"picture: {out}"]))
@@ -115,23 +116,16 @@ def _common_track(runs: list[Path], track: str | None) -> str:
     raise LogError(f"{', '.join(map(str, runs))}: have no track in common; --track chooses one of those of each")
 
 
-def _path(run: Path, track: str, parameter: str | None) -> Any:
-    """Return the estimates of a run along its way."""
-    from palpate_maps import map_analysis as maps
-
-    return maps.read_path(run, track, parameter)
-
-
 def _run_map(run: Path, name: str, track: str, parameter: str | None) -> RunMap:
     """Return the sites of a run: those of a raster over a surface on that surface."""
     from palpate_maps import map_analysis as maps
     from palpate_maps.rig_share import rig_share
 
-    path = _path(run, track, parameter)
+    path = maps.read_path(run, track, parameter)
     sites, skin = maps.sites_along(path), maps.surface_of_run(run, None)
     if skin is not None and (sites.standing.all() or maps.line_coordinate(sites) is None):
         sites = maps.sites_on(sites, skin)
-    return RunMap(name, run, sites, rig_share(run, track, path.parameter))
+    return RunMap(name, run, path.parameter, sites, rig_share(run, track, path.parameter))
 
 
 def _pairs(maps: list[RunMap]) -> list[RunPair]:
