@@ -15,7 +15,7 @@ from palpate_simulation.twins.direct_client import DirectCommands
 from palpate_trajectories.point import Point
 
 from tests.devices.conftest import need_arm
-from tests.devices.simulated_bench import SHORT
+from tests.devices.simulated_bench import PIPELINE, SHORT
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
 LIMITS = SafetySettings(
@@ -584,3 +584,31 @@ def test_a_controller_that_stops_listening_makes_no_two_steps_in_one_tick(rig, h
     over.append(True)
     assert why == ""
     assert 0.85 * LIMITS.speed < truth["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("leap", "goes_on"), [(1.0, True), (-1.0, True), (2.0, False), (-2.0, False)])
+def test_a_pose_that_leaps_less_than_the_tracking_moves_the_arm_by_as_much_and_no_number_is_good(rig, leap, goes_on):
+    """In contact, and [mm]: what stays unseen of a lying pose stands in the safety case; 4.78 mm deep is the plan."""
+    deepest = -4.78e-3 - 1e-3 * leap  # [m] the heights of poses that are a millimetre too high are met deeper
+    made = []
+
+    def lie():
+        while not made:
+            if rig.state()["height"] < -0.002:
+                made.append(rig.fault(f"pose-offset 0 0 {leap}"))
+            clock().sleep(0.01)
+
+    thread = clock().thread(lie, "lie")
+    thread.start()
+    if not goes_on:
+        with pytest.raises(DeviceError, match=r"the arm does not follow: it is 2\.\d+ mm from its command, over 1\.98"):
+            rig.run()
+        assert rig.truth.low[2] > -3e-3  # it stands where it was
+    else:
+        tracks = rig.run().tracks
+        assert rig.truth.low[2] == pytest.approx(deepest, abs=2e-5)
+        assert all(track.verdict == "doubtful" for track in tracks.values())
+    thread.join()
+    assert made
+    assert "or leaps by 1 mm" in (PIPELINE.parents[1] / "docs" / "safety-case.md").read_text()
