@@ -74,6 +74,57 @@ def test_every_kind_of_sigma_points_is_filterpys(points: Any) -> None:
     agree(QUARTIC, [1.1e5, 360.0], UnscentedKalmanFilter(**options), theirs, count=2000)
 
 
+def test_the_ensemble_is_filterpys(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the same random numbers: filterpy's have the covariance of one error of the force in all states."""
+    from filterpy.kalman import EnsembleKalmanFilter, ensemble_kalman_filter
+    from palpate_filters.filterpy_kinds import ScaledProcess, ensemble
+    from palpate_filters.inertial_filter import first_state
+    from palpate_filters.process_models import InertialProcess
+
+    random = np.random.default_rng(3)
+
+    def draw(mean: Any, cov: Any, size: int) -> Any:
+        row = np.argmax(np.diag(cov))
+        column = cov[:, row] / np.sqrt(cov[row, row])
+        if np.allclose(np.outer(column, column), cov):
+            return mean + np.outer(random.standard_normal(size), column)
+        return random.multivariate_normal(mean, cov, size)
+
+    monkeypatch.setattr(ensemble_kalman_filter, "multivariate_normal", draw)
+    process, problem, samples = (
+        InertialProcess(SPHERE, 0.14),
+        Problem(SPHERE, 0.14),
+        jittered(SPHERE, [1.1e5, 360], 300),
+    )
+    settings = FilterpyFilter(filter="enkf", **START)
+    start = first_state(settings, process, problem)
+    rig = ScaledProcess(process, start, settings.force_std, settings.velocity_std)
+    ours, force, interval = ensemble(rig, members=20, seed=3), np.nan, np.nan
+    ours.put(start.mean / rig.scale, np.eye(process.states))
+    theirs = EnsembleKalmanFilter(
+        x=start.mean / rig.scale,
+        P=np.eye(process.states),
+        dim_z=1,
+        dt=1.0,
+        N=20,
+        hx=rig.reading,
+        fx=lambda x, _: rig.ahead(x, interval, force),
+    )
+    theirs.R = np.array([[rig.variance]])
+    for moment in range(len(samples)):
+        if moment > 0:
+            force, interval = samples.force[moment - 1], samples.interval[moment]
+            ours.predict(interval, force)
+            theirs.Q = rig.noise(interval, force)
+            theirs.predict()
+        rate = -samples.velocity[moment] / rig.scale[rig.speed]
+        if np.isfinite(rate):
+            ours.update(rate)
+            theirs.update(np.array([rate]))
+        for one, other in zip(ours.get(), (theirs.x, theirs.P), strict=True):
+            assert np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
 @pytest.mark.parametrize("points", ["merwe", "julier", "simplex"])
 @pytest.mark.parametrize("states", [1, 4, 8])
 def test_sigma_points_have_the_moments_they_stand_for(points: Any, states: int) -> None:

@@ -20,9 +20,9 @@ from palpate_filters.step_limits import MAX_DEPTH, RESUME_STD
 class FilterpyFilter(PaperStart):
     """A filter of the filterpy library (Labbe 2015) on the paper's process and measurement.
 
-    Some 500 times slower than the compiled filters here. The state is scaled by its first standard deviations, since
-    some of filterpy's filters compare covariances with absolute numbers. Where filterpy gives up, such as on a
-    covariance that is not positive, the track ends as diverged.
+    Some 500 times slower than the compiled filters here; the ensemble's equations are filterpy's, for all members at
+    once. The state is scaled by its first standard deviations, since some of filterpy's filters compare covariances
+    with absolute numbers. Where filterpy gives up, such as on a covariance that is not positive, the track diverges.
     """
 
     filter: Literal["ekf", "ukf", "ckf", "enkf"] = Field(

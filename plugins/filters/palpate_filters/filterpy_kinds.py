@@ -15,14 +15,15 @@ from palpate_filters.step_limits import MISSING_ABOVE, UNKNOWN_FORCE_STD
 
 
 class _Expression:
-    """An expression of a state, a force and an interval, as a function of numbers."""
+    """An expression of a state, a force and an interval, as a function of numbers, for `count` states in one call."""
 
-    def __init__(self, arguments: Any, expression: Any) -> None:
+    def __init__(self, arguments: Any, expression: Any, count: int = 1) -> None:
         import casadi as ca
 
         # The function reads and writes these two arrays in place, which spares a conversion in every call.
-        self._arguments, self._values = np.zeros(arguments.numel()), np.zeros(expression.numel())
-        self._function = ca.Function("f", [arguments], [ca.densify(expression)])
+        self._arguments = np.zeros((count, arguments.numel()))
+        self._values = np.zeros((count, expression.numel()))
+        self._function = ca.Function("f", [arguments], [ca.densify(expression)]).map(count)
         buffer: Any
         buffer, self._evaluate = self._function.buffer()
         buffer.set_arg(0, memoryview(self._arguments.data))
@@ -30,9 +31,9 @@ class _Expression:
         self._buffer = buffer  # the owner of the memory of an evaluation
 
     def __call__(self, x: Floats, force: float, interval: float) -> Floats:
-        self._arguments[:-2] = x
-        self._arguments[-2] = force
-        self._arguments[-1] = interval
+        self._arguments[:, :-2] = x
+        self._arguments[:, -2] = force
+        self._arguments[:, -1] = interval
         self._evaluate()
         return self._values.copy()
 
@@ -54,13 +55,23 @@ class ScaledProcess:
         ahead = ca.vertcat(*process.predict(state, force, interval))
         slope = ca.substitute(ca.jacobian(ahead, x), x, floor_depth(process, x))
         arguments = ca.vertcat(x, u, interval)
+        self._arguments, self._step = arguments, ahead
         self._ahead, self._slope = _Expression(arguments, ahead), _Expression(arguments, ca.vec(slope.T))
         self._force = _Expression(arguments, process.force(state))
         self._shape = (process.states, process.states)
 
     def ahead(self, x: Floats, interval: float, force: float) -> Floats:
         """Return the state one interval [s] later under a force [N]."""
-        return self._ahead(x.ravel() * self.scale, force, interval) / self.scale
+        return self._ahead(x.ravel() * self.scale, force, interval)[0] / self.scale
+
+    def ahead_of_all(self, count: int) -> Callable[[Floats, float, float], Floats]:
+        """Return a function like `ahead` of `count` states (count, n) in one call."""
+        step = _Expression(self._arguments, self._step, count)
+
+        def advance(states: Floats, interval: float, force: float) -> Floats:
+            return step(states * self.scale, force, interval) / self.scale
+
+        return advance
 
     def slope(self, x: Floats, interval: float, force: float) -> Floats:
         """Return the Jacobian (n, n) of `ahead`."""
@@ -75,12 +86,20 @@ class ScaledProcess:
         """Return the contact force [N] in a state."""
         return float(self._force(x.ravel() * self.scale, 0.0, 0.0).item())
 
-    def noise(self, interval: float, force: float) -> Floats:
-        """Return the process noise (n, n) over an interval [s]; a missing force has `UNKNOWN_FORCE_STD`."""
+    def gain(self, interval: float) -> Floats:
+        """Return what 1 N over an interval [s] adds to the state (n,)."""
         gain = np.zeros(len(self.scale))
         gain[self.process.layout.span("depth", "rate")] = self.process.gain(interval)
-        std = self.force_std if np.isfinite(force) else UNKNOWN_FORCE_STD
-        return np.outer(gain / self.scale, gain / self.scale) * std**2
+        return gain / self.scale
+
+    def noise_std(self, force: float) -> float:
+        """Return the standard deviation [N] of a force; a missing one has `UNKNOWN_FORCE_STD`."""
+        return self.force_std if np.isfinite(force) else UNKNOWN_FORCE_STD
+
+    def noise(self, interval: float, force: float) -> Floats:
+        """Return the process noise (n, n) over an interval [s]."""
+        gain = self.gain(interval)
+        return np.outer(gain, gain) * self.noise_std(force) ** 2
 
 
 class Filter(Protocol):
@@ -109,7 +128,7 @@ def extended_filter(rig: ScaledProcess) -> Filter:
 
 
 def ensemble(rig: ScaledProcess, members: int, seed: int) -> Filter:
-    """Return filterpy's ensemble Kalman filter."""
+    """Return an ensemble Kalman filter."""
     return _Ensemble(rig, members, seed)
 
 
@@ -180,45 +199,44 @@ class _SigmaPointKind:
 
 
 class _Ensemble:
-    """filterpy.kalman.EnsembleKalmanFilter, which draws from numpy's global generator."""
+    """The ensemble Kalman filter with perturbed measurements (Burgers 1998), each step for all members in one call.
+
+    The equations are those of filterpy.kalman.EnsembleKalmanFilter, which goes through its members one by one and
+    draws from numpy's global generator.
+    """
 
     def __init__(self, rig: ScaledProcess, members: int, seed: int) -> None:
-        self._rig, self._members = rig, members
-        self._random_state = np.random.RandomState(seed).get_state()
-        self._interval, self._force = 0.0, 0.0
-        self._filter: Any = None
-
-    def _with_seed(self, draw: Callable[[], Any]) -> Any:
-        """Return the result of a call that draws from this filter's own random numbers, in place of the global ones."""
-        global_state = np.random.get_state()
-        np.random.set_state(self._random_state)
-        try:
-            return draw()
-        finally:
-            self._random_state = np.random.get_state()
-            np.random.set_state(global_state)
-
-    def _ahead(self, x: Floats, _: float) -> Floats:
-        return self._rig.ahead(x, self._interval, self._force)
+        self._rig, self._count = rig, members
+        self._random = np.random.default_rng(seed)
+        self._advance = rig.ahead_of_all(members)
+        self._members = np.zeros((members, rig.process.states))
+        self._mean = np.zeros(rig.process.states)
+        self._covariance = np.eye(rig.process.states)
 
     def get(self) -> tuple[Floats, Floats]:
-        return self._filter.x, self._filter.P
+        return self._mean, self._covariance
 
     def put(self, mean: Floats, covariance: Floats) -> None:
-        from filterpy.kalman import EnsembleKalmanFilter
-
-        def make() -> Any:
-            return EnsembleKalmanFilter(
-                x=mean, P=covariance, dim_z=1, dt=1.0, N=self._members, hx=self._rig.reading, fx=self._ahead
-            )
-
-        self._filter = self._with_seed(make)
-        self._filter.R = np.array([[self._rig.variance]])
+        self._mean, self._covariance = mean, covariance
+        self._members = self._random.multivariate_normal(mean, covariance, self._count)
 
     def predict(self, interval: float, force: float) -> None:
-        self._interval, self._force = interval, force
-        self._filter.Q = self._rig.noise(interval, force)
-        self._with_seed(self._filter.predict)
+        # Each member has its own error of the force.
+        errors = self._rig.noise_std(force) * self._random.standard_normal(self._count)
+        self._members = self._advance(self._members, interval, force) + np.outer(errors, self._rig.gain(interval))
+        # Mean and covariance are those of the members.
+        self._mean = self._members.mean(axis=0)
+        deviations = self._members - self._mean
+        self._covariance = deviations.T @ deviations / (self._count - 1)
 
     def update(self, rate: float) -> None:
-        self._with_seed(lambda: self._filter.update(np.array([rate])))
+        # Gain K = P_xz / S from the covariance of the members with their own measurements.
+        predictions = self._members[:, self._rig.speed]
+        deviations = predictions - predictions.mean()
+        innovation_variance = deviations @ deviations / (self._count - 1) + self._rig.variance
+        gain = deviations @ (self._members - self._mean) / (self._count - 1) / innovation_variance
+        # Each member moves by its own perturbed measurement; P = P - K S K'.
+        errors = np.sqrt(self._rig.variance) * self._random.standard_normal(self._count)
+        self._members = self._members + np.outer(rate + errors - predictions, gain)
+        self._mean = self._members.mean(axis=0)
+        self._covariance = self._covariance - innovation_variance * np.outer(gain, gain)

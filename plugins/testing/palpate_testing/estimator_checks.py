@@ -56,8 +56,6 @@ def check_estimator(
     samples.active[:200] = False
     untouched = {column.name: getattr(samples, column.name).copy() for column in fields(samples)}
     whole = estimator.start(problem).run(samples)
-    if estimator.online:  # whatever it compiles is compiled now
-        _check_speed(estimator, problem, samples[200:500])
     for column, values in untouched.items():
         is_same = np.array_equal(getattr(samples, column), values, equal_nan=values.dtype.kind == "f")
         demand(is_same, f"{name} writes into the {column} of its samples, which all plugins share")
@@ -66,7 +64,9 @@ def check_estimator(
     _check_depth(whole, samples, name)
     demand(np.isnan(whole.values[:200]).all() or not estimator.online, f"{name} estimates out of contact")
     _check_second_run(estimator, problem, samples, whole)
-    holed = replace(samples, force=samples.force.copy(), velocity=samples.velocity.copy())
+    # Some readings are missing, and a fifth of a second of readings follows.
+    beginning = samples[:700]
+    holed = replace(beginning, force=beginning.force.copy(), velocity=beginning.velocity.copy())
     holed.force[500:510] = np.nan
     holed.velocity[600:605] = np.nan
     survived = estimator.start(problem).run(holed)
@@ -79,27 +79,23 @@ def check_estimator(
         check_standard_set(estimator)
 
 
-def _check_speed(estimator: Estimator, problem: Problem, samples: Samples) -> None:
-    """Compare the processor's time with the duration of samples."""
-    begin = process_time()
-    estimator.start(problem).run(samples)
-    duration, spent = float(samples.time[-1] - samples.time[0]), process_time() - begin
-    is_fast = spent <= duration
-    demand(
-        is_fast, f"{type(estimator).__name__} takes {spent:.2g} s for a record of {duration:.2g} s: a run falls behind"
-    )
-
-
 def _check_second_run(estimator: Estimator, problem: Problem, samples: Samples, whole: Estimates) -> None:
-    """Compare the estimates of one block with a second run, whose blocks have many lengths for an online estimator."""
-    tracker = estimator.start(problem)
+    """Compare the estimates of one block with a second run, whose blocks have many lengths for an online estimator.
+
+    An online estimator has compiled whatever it compiles, and takes less time of the processor than the record.
+    """
+    name = type(estimator).__name__
     cuts = [0, 1, 2, 199, 200, 201, 577, 804, len(samples)] if estimator.online else [0, len(samples)]
+    begin = process_time()
+    tracker = estimator.start(problem)
     blocks = [tracker.run(samples[a:b]) for a, b in pairwise(cuts)]
+    spent, duration = process_time() - begin, float(samples.time[-1] - samples.time[0])
+    is_fast = spent <= duration or not estimator.online
+    demand(is_fast, f"{name} takes {spent:.2g} s for a record of {duration:.2g} s: a run falls behind")
     columns: dict[str, Any] = {n: np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS}
     if _same_bits(whole, replace(blocks[-1], **columns)):  # what is said of a block is said by the last
         return
     # A third run shows whether the cuts make the difference.
-    name = type(estimator).__name__
     again = estimator.start(problem).run(samples)
     demand(_same_bits(whole, again), f"{name} gives other numbers on a second run")
     raise AssertionError(f"{name} gives other numbers when the samples are cut into blocks")

@@ -17,6 +17,7 @@ NOISY, NOISY_RECORDS = PressMotion(duration=1.0), 36
 MAX_ELASTIC_BIAS, MAX_OTHER_BIAS = 0.09, 0.2
 # Stated standard deviation over the Cramer-Rao bound: 0.7 to 30 for all shipped estimators.
 MIN_STD, MAX_STD = 1 / 3, 10.0
+MAX_BOUND = 0.05  # Cramer-Rao bound over a parameter's value, up to which a record determines it
 CAUTIOUS = 0.3  # errors over stated standard deviations, rms, below which a large one is overstated
 MIN_NIS, MAX_NIS = 0.02, 20.0  # of the noisy records; 0.6 to 2.8 for all shipped estimators
 NEGATIVE = 2.0  # standard deviations below zero
@@ -52,20 +53,21 @@ def _check_bias(errors: Errors, model: ContactModel, name: str) -> None:
     demand(np.isfinite(errors.values).all(), f"{name} has no number at the end of a record of {QUIET.duration:g} s")
     bias = errors.relative.mean(axis=0)
     for place, parameter in enumerate(model.parameters):
-        value, std = errors.values[:, place], errors.std[:, place]
-        is_negative = (value < -NEGATIVE * std) & (errors.bound[:, place] < 0.1 * errors.truth[:, place])
+        if not _is_determined(errors, place):
+            continue
+        is_negative = errors.values[:, place] < -NEGATIVE * errors.std[:, place]
         demand(not is_negative.any(), f"{name}: {parameter.name} is below 0 by more than {NEGATIVE:g} of its std")
         allowed = MAX_ELASTIC_BIAS if parameter.role == "elastic" else MAX_OTHER_BIAS
         demand(
-            abs(bias[place]) <= allowed or not _is_determined(errors, place),
+            abs(bias[place]) <= allowed,
             f"{name}: {parameter.name} is off by {bias[place]:+.1%} on records almost without noise, allowed "
             f"{allowed:.0%}",
         )
 
 
 def _is_determined(errors: Errors, place: int) -> bool:
-    """Return True where the bound of a parameter is below a hundredth of its value on every record."""
-    return bool((errors.bound[:, place] < 0.05 * np.abs(errors.truth[:, place])).all())
+    """Return True where the bound of a parameter is below `MAX_BOUND` of its value on every record."""
+    return bool((errors.bound[:, place] < MAX_BOUND * np.abs(errors.truth[:, place])).all())
 
 
 def _check_uncertainty(errors: Errors, model: ContactModel, name: str) -> None:
