@@ -1,5 +1,6 @@
 """Files of arrays as tables: the numbers to the bit, several records, and files that claim, hide or link too much."""
 
+import itertools
 import json
 
 import numpy as np
@@ -46,6 +47,26 @@ def test_columns_of_json_are_read_to_the_bit(tmp_path, document):
     looked = look(write_json(tmp_path / "press.json", document), {})
     assert looked.sheet.names == (*COLUMNS,)
     np.testing.assert_array_equal(looked.values, np.column_stack([*COLUMNS.values()]))
+
+
+def test_objects_of_a_message_are_columns_of_one_table(tmp_path):
+    """A list of messages with force and pose in objects of their own was three tables, none of them a press."""
+    messages = [
+        {"t": t, "wrench": {"force": {"x": 0.0, "z": f}}, "pose": {"x": 0.4, "z": z}}
+        for t, z, f in zip(TIME, DEPTH, FORCE, strict=True)
+    ]
+    (table,) = array_tables(write_json(tmp_path / "log.json", {"messages": messages}))
+    assert [*table.columns] == ["t", "wrench.force.x", "wrench.force.z", "pose.x", "pose.z"]
+
+
+def test_trials_whose_messages_are_in_groups_are_records(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "trials.h5", "w") as file:
+        for trial, group, axis in itertools.product(("trial1", "trial2"), ("wrench", "pose"), "xyz"):
+            file[f"{trial}/{group}/{axis}"] = np.arange(30.0)
+    tables = array_tables(tmp_path / "trials.h5")
+    assert [table.name for table in tables] == ["trial1", "trial2"]
+    assert "wrench.z" in tables[0].columns
 
 
 @pytest.mark.parametrize("document", [{"E": 1.0, "files": ["a", "b"]}, [1, 2, 3], {}, "x", [[1, 2], [3]], [{}, {}, {}]])

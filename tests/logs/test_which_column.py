@@ -92,3 +92,11 @@ def test_another_axis_of_the_force_is_no_other_force(tmp_path, name, has_note):
     suggestion = suggest_csv(path, {})
     assert suggestion.device["columns"]["force"]["column"] == "fz_N"
     assert any(f"not column {name}" in doubt for doubt in suggestion.doubts) is has_note
+
+
+@pytest.mark.parametrize(("head", "size", "asks"), [("", 200, False), ("", 4e5, True), ("t,z,force", 4e5, True)])
+def test_whole_numbers_without_a_unit_are_counts_where_they_go_far(tmp_path, head, size, asks):
+    """Counts of a converter were taken in the unit that made a stiffness of 20 MPa likely."""
+    path = written(tmp_path / "counts.csv", head, 0.01 * np.arange(600), DEPTH, np.rint(size * FORCE))
+    blanks = [blank.partition(":")[0] for blank in suggest_csv(path, {}).blanks]
+    assert blanks == (["columns.force.scale"] if asks else [])

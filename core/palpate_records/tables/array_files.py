@@ -192,10 +192,23 @@ def _of_arrow(table: Any) -> Named:
 def _json(path: Path) -> Named:
     if path.stat().st_size > _MAX_BYTES:
         raise ValueError(f"it has more than {_MAX_BYTES >> 20} MiB")
-    document = json.loads(path.read_text(encoding="utf-8-sig"))
+    document = _document(path.read_text(encoding="utf-8-sig"))
     if isinstance(document, Mapping) and {"schema", "palpate"} <= document.keys():
         raise ValueError("it is a result of palpate, and not a table")
     yield from _of_document((), document)
+
+
+def _document(text: str) -> Any:
+    """Return a document of JSON; of one in each line, a list."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        lines = [line for line in text.splitlines() if line.strip()]
+        if len(lines) < 2:
+            raise
+        with suppress(json.JSONDecodeError):
+            return [json.loads(line) for line in lines]
+        raise
 
 
 def _of_document(path: tuple[str, ...], value: Any) -> Named:
@@ -240,5 +253,7 @@ _READERS: Mapping[str, Callable[[Path], Iterable[tuple[Sequence[str], Any]]]] = 
     ".parquet": _parquet,
     ".feather": _feather,
     ".json": _json,
+    ".jsonl": _json,
+    ".ndjson": _json,
 }
 ARRAY_FILES = tuple(_READERS)

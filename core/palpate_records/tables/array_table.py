@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate_records.tables.csv_names import stated_role
+
 MAX_NUMBERS = 10_000_000  # of a file, all columns together: some 200 MB as text
 _MIN_ROWS = 20  # of a record; shorter arrays are values of the experiment, or a list of them
+_PRESS = {"force", "position"}  # roles without which a table is no press
 _MAX_WIDTH = 64  # columns of a matrix; a wider one is an image
 _FACT_LENGTH = 40  # characters of a single value
 
@@ -50,6 +52,7 @@ def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[Ar
     """Return the tables of arrays, each with its path of names; the one with most columns first.
 
     Arrays of one length are one table, but where groups have the same names, as of several specimens, a table each.
+    Groups such as "wrench" and "pose", of which none holds a force and a height, are columns of the group above them.
     """
     columns: dict[tuple[str, ...], Array] = {}
     facts: dict[str, str] = {}
@@ -61,8 +64,9 @@ def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[Ar
             facts[path[-1]] = _text(array.ravel()[0])[:_FACT_LENGTH]
         elif array.ndim and len(array) >= _MIN_ROWS:
             columns |= _columns(tuple(path), array)
-    leaves = Counter(path[-1] for path in columns)
-    is_repeated = any(count > 1 for count in leaves.values())
+    if _is_repeated(columns):
+        columns = _below_groups_of_presses(columns)
+    is_repeated = _is_repeated(columns)
     groups: dict[tuple[str, int], dict[str, Array]] = {}
     for path, array in columns.items():
         group = " ".join(path[:-1]) if is_repeated else ""
@@ -71,6 +75,27 @@ def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[Ar
     usual.sort(key=lambda item: -len(item[1]))
     return [ArrayTable(group or (name if len(usual) == 1 else f"{rows} rows"), table, facts)
             for (group, rows), table in usual]  # fmt: skip
+
+
+def _is_repeated(paths: Iterable[tuple[str, ...]]) -> bool:
+    """Return True if arrays of several groups have the same name."""
+    names = [path[-1] for path in paths]
+    return len({*names}) < len(names)
+
+
+def _below_groups_of_presses(columns: Mapping[tuple[str, ...], Array]) -> dict[tuple[str, ...], Array]:
+    """Return columns with names such as "wrench.force.z" below the innermost groups of which one holds a press."""
+    for depth in range(max(map(len, columns)) - 1, -1, -1):
+        below: dict[tuple[str, ...], Array] = {}
+        roles: dict[tuple[str, ...], set[str | None]] = {}
+        for path, array in columns.items():
+            level = min(depth, len(path) - 1)
+            group, name = path[:level], ".".join(path[level:])
+            below[(*group, name)] = array
+            roles.setdefault(group, set()).add(stated_role(name))
+        if any(group_roles >= _PRESS for group_roles in roles.values()):
+            return below
+    return {**columns}
 
 
 def _columns(path: tuple[str, ...], array: Array) -> dict[tuple[str, ...], Array]:

@@ -63,7 +63,7 @@ _ADJECTIVES = {
 _DEPTHS = {"indentation", "penetration", "depth", "eindringtiefe", "tiefe"}
 _FORCES = {word for word, role in BY_WORD.items() if role == "force"} | {"f"}
 _BACK = {"retract", "retraction", "retracting", "unload", "unloading", "withdraw", "withdrawal", "retrace", "return"}
-_WAYS = _BACK | {"approach", "approaching", "extend", "loading", "trace", "advance"}
+_WAYS_OF_NANOSCOPE = re.compile(r"_(?:Ex|(Rt))(?=_|$)")  # extend and retract, in "Calc_Ramp_Ex_nm" and "Defl_nN_Rt"
 
 
 def words_of(name: str) -> list[str]:
@@ -187,8 +187,13 @@ def is_depth(name: str) -> bool:
 
 
 def is_of_retraction(name: str) -> bool:
-    """Return True if a column holds the way back alone."""
-    return bool(_BACK & {*words_of(name)})
+    """Return True if a column holds the way back alone.
+
+    >>> is_of_retraction("Force retract (nN)"), is_of_retraction("Defl_nN_Rt"), is_of_retraction("Force RT")
+    (True, True, False)
+    """
+    match = _WAYS_OF_NANOSCOPE.search(name)
+    return bool(_BACK & {*words_of(name)} or (match and match[1]))
 
 
 def begins_as_time(name: str) -> bool:
@@ -198,12 +203,17 @@ def begins_as_time(name: str) -> bool:
 
 
 def unit_text(name: str) -> str:
-    """Return the text in the last brackets of a name, or behind its last ``_``, ``/``, comma, "in" or space, or ""."""
+    """Return the text in the last brackets of a name, or behind its last ``_``, ``/``, comma, "in" or space, or "".
+
+    >>> unit_text("Defl_nN_Ex"), unit_text("Calc_Ramp_Ex_nm"), unit_text("Force / N")
+    ('nN', 'nm', 'N')
+    """
     name = name.strip()
     if name[-1:] in ("]", ")"):
         begin = max(name.rfind("["), name.rfind("("))
         unit = name[begin + 1 : -1].strip() if begin >= 0 else ""
         return unit.replace("_s", "/s").replace("^-1", "") if len(unit) <= _UNIT else ""
+    name = _WAYS_OF_NANOSCOPE.sub("", name)
     for unit in (part for part in ("_".join(name.split("_")[-2:]), name.rpartition("_")[2]) if "_" in name):
         usable = unit.replace("_", "/") if "_" in unit else unit
         if len(name) > len(unit) + 1 and len(unit) <= _UNIT and (is_unit(usable) or unit in READINGS):

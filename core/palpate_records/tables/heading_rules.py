@@ -21,7 +21,9 @@ _OTHER_UNITS = re.compile(
     rf"{_PLAIN_UNITS}|%|-|1|[^\x00-\x7f]{{0,2}}C|min|h|mJ|J|deg|#|hh:mm:ss.*|[^\s/^]+[/^]\S+", re.IGNORECASE
 )
 # A line between header and rows: of dashes, or a word for the end of the one or the begin of the other.
-_DIVIDER = re.compile(r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin[ _]data)\W*", re.IGNORECASE)
+_DIVIDER = re.compile(
+    r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin(?:[ _]data)?)\W*", re.IGNORECASE
+)
 _COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
 _SEQUENCE, _VOLT = "sequence", "volt"  # as Rigol writes them
 _REACH = 3  # lines above the rows, without blank ones, in which names and units stand

@@ -30,6 +30,10 @@ _PROBE = 1 << 17  # [bytes] by which the encoding is found
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 # Two characters of Shift-JIS whose first bytes are kana or usual kanji: rare signs in Windows-1252.
 _JAPANESE = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
+# The time of day that the monitor of a serial line writes before it: "12:30:01.250 -> 84213", "[12:30:01.250] 84213".
+_STAMP_OF_MONITOR = re.compile(r"^\[?((?:[\d/.-]+ )?\d{1,2}:\d{2}:\d{2}[.,]\d{3})(?: ->|\])[ \t]*", re.MULTILINE)
+_SEPARATORS = "\t;,"
+_HEAD = 1 << 14  # [characters] in which a stamp of a monitor is looked for
 _SIGNATURES = {  # first bytes of files that are named like a text, but are not texts
     b"PK\x03\x04": "a zip archive and no text: a workbook is named .xlsx, an archive is unpacked first",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook and no text: save it as .xlsx or .csv",
@@ -87,13 +91,26 @@ def open_text(path: Path, encoding: str | None = None, sheet: str | None = None)
                 yield file
         else:
             with path.open(newline="", encoding=found) as file:
-                yield file
+                yield _without_arrows(file)
     except (OSError, *DAMAGED) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
     except UnicodeError as error:
         raise LogError(f"{path}: {_no_text(path, encoding, error)}") from error
     except csv.Error as error:
         raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+
+def _without_arrows(file: IO[str]) -> IO[str]:
+    """Return a text whose lines have a separator behind the stamp of a serial monitor: that of most of its lines."""
+    head = file.read(_HEAD)
+    file.seek(0)
+    lines = [head[match.end() :].partition("\n")[0] for match in _STAMP_OF_MONITOR.finditer(head)]
+    if not lines or 2 * len(lines) < head.count("\n"):
+        return file
+    counts = {mark: sum(mark in line for line in lines) for mark in _SEPARATORS}
+    usual = max(counts, key=counts.__getitem__)
+    separator = usual if 2 * counts[usual] > len(lines) else " "
+    return io.StringIO(_STAMP_OF_MONITOR.sub(rf"\g<1>{separator}", file.read()), newline="")
 
 
 def _no_text(path: Path, encoding: str | None, error: UnicodeError) -> str:

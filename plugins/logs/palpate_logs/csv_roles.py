@@ -122,17 +122,30 @@ def _draft(path: Path, choices: Mapping[str, str]) -> TableDraft:
 
 
 def _missing_roles(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> str:
-    """Return which of force and position no column can be, and which columns are another quantity."""
+    """Return which of force and position no column can be, and which columns are another quantity or constant."""
     roles = {*chosen, *(one.role for one in series if does_move(one))}
     missing = [role for role in ("force", "position") if not roles & {role, None}] or ["force", "position"]
-    taken = {one.key for one in chosen.values()}
-    others = [int(one.key[1]) for one in series if one.role == "other" and one.key not in taken]
-    named = [sheet.names[k] for k in others if sheet.unit(k) is not None or role_by_words(sheet.names[k]) == "other"]
-    shown = ", ".join(map(column_text, named[:_MAX_NAMES])) + (", ..." if len(named) > _MAX_NAMES else "")
-    about = f"; by name or unit an angle, a torque or another quantity: {shown}" if named else ""
+    excluded = {
+        "by name or unit an angle, a torque or another quantity": _other_quantities(sheet, series, chosen),
+        "the same number in every row": [one.key[1] for one in series if one.role in missing and not does_move(one)],
+    }
+    about = "".join(f"; {why}: {_names(sheet, columns)}" for why, columns in excluded.items() if columns)
     options = ", ".join(f"--{role}" for role in missing)
     words = f"no column can be the {missing[0]}" if len(missing) == 1 else "no two columns can be force and position"
     return f"{words}; choose with {options} (there are: {sheet.columns}){about}"
+
+
+def _other_quantities(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> list[str]:
+    """Return the columns, by number, whose name or unit states another quantity than force, height and velocity."""
+    taken = {one.key for one in chosen.values()}
+    others = [one.key[1] for one in series if one.role == "other" and one.key not in taken]
+    return [k for k in others if sheet.unit(int(k)) is not None or role_by_words(sheet.names[int(k)]) == "other"]
+
+
+def _names(sheet: Sheet, columns: Sequence[str]) -> str:
+    """Return the names of columns, not more than a line can hold."""
+    shown = ", ".join(column_text(sheet.names[int(k)]) for k in columns[:_MAX_NAMES])
+    return shown + (", ..." if len(columns) > _MAX_NAMES else "")
 
 
 def _chosen(sheet: Sheet, values: Floats, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:

@@ -17,6 +17,7 @@ from palpate_records.tables.csv_sheet import Sheet
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
 _SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and counts are scaled to
 _COUNTS_PER_FORCE = re.compile(r"counts? ?(?:per|/) ?(?:unit )?(?:force|n|newton)|cpf")
+_MIN_COUNTS = 1000.0  # a force or height in whole units goes less far; the coarsest converter, of 10 bits, has 1024
 _FORCE_UNIT = re.compile(r"(?:force unit|unit of force|unit force)s?")
 _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
 
@@ -77,8 +78,16 @@ def needs_scale(sheet: Sheet, pick: Pick, role: str) -> bool:
         return True
     if (unit := sheet.unit(k)) is not None:
         return DIMENSIONS.get(si_unit(unit)[0]) != role
-    named = stated_role(sheet.names[k]) if sheet.header and weight_of(sheet.written_unit(k)) is None else None
-    return named not in (None, role)
+    if weight_of(sheet.written_unit(k)) is not None:
+        return False
+    named = stated_role(sheet.names[k]) if sheet.header else None
+    return named not in (None, role) or are_counts(pick.series.values)
+
+
+def are_counts(values: Floats) -> bool:
+    """Return True for whole numbers (n,) of a range that a converter, an encoder or the steps of a motor have."""
+    finite = values[np.isfinite(values)]
+    return not (finite % 1.0).any() and float(np.ptp(finite)) > _MIN_COUNTS
 
 
 def _speed_unit(found: RoleGuess, length: str, clocked: bool) -> tuple[str, str]:
