@@ -1,7 +1,11 @@
 """Which of several columns is the force or the position, where names and units alone mislead."""
 
+import re
+
 import numpy as np
 import pytest
+from palpate import LogError
+from palpate_kit.logs.role_evidence import on_grid
 from palpate_logs.csv_roles import suggest_csv
 from palpate_records.tables.csv_names import role_by_words, unit_text
 from palpate_records.tables.table_text import encoding_of
@@ -100,3 +104,20 @@ def test_whole_numbers_without_a_unit_are_counts_where_they_go_far(tmp_path, hea
     path = written(tmp_path / "counts.csv", head, 0.01 * np.arange(600), DEPTH, np.rint(size * FORCE))
     blanks = [blank.partition(":")[0] for blank in suggest_csv(path, {}).blanks]
     assert blanks == (["columns.force.scale"] if asks else [])
+
+
+@pytest.mark.parametrize("role", ["force", "position"])
+def test_a_column_that_stands_still_is_no_force_and_no_position(tmp_path, role):
+    """Stated as the position, the constant depth of a relaxation ended in a traceback."""
+    columns = {"force": FORCE + 0.1, "position": DEPTH} | {role: np.full(600, 2.0)}
+    path = written(tmp_path / "hold.csv", "time (s),force (N),depth (mm)", 0.01 * np.arange(600), *columns.values())
+    name = {"force": "force (N)", "position": "depth (mm)"}[role]
+    with pytest.raises(LogError, match=f"no column can be the {role}.*the same number in every row: {re.escape(name)}"):
+        suggest_csv(path, {})
+    with pytest.raises(LogError, match=rf"--{role}: column {re.escape(name)} has the same number in every row"):
+        suggest_csv(path, {role: name})
+
+
+def test_a_constant_column_is_on_the_grid():
+    _, (constant,) = on_grid([np.arange(100.0)], [np.full(100, 2e-3)])
+    assert (constant == 2e-3).all()

@@ -56,7 +56,7 @@ def _clean(time: Floats, values: Floats) -> tuple[Floats, Floats]:
         return np.array([0.0]), np.array([0.0])
     low, high = np.percentile(values[is_good], _CLEAN_PERCENTILES)
     margin = _SPIKE_SPANS * (high - low) + _SMALLEST
-    is_good &= (values > low - margin) & (values < high + margin)
+    is_good &= (values >= low - margin) & (values <= high + margin)
     order = np.argsort(time[is_good], kind="stable")
     return time[is_good][order], values[is_good][order]
 

@@ -149,8 +149,11 @@ def _names(sheet: Sheet, columns: Sequence[str]) -> str:
 
 
 def _chosen(sheet: Sheet, values: Floats, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
+    """Return the column that a person states for a role; raises LogError where it holds no course of numbers."""
     k = sheet.index_of(role, text.removeprefix(":"))
     sheet.demand_numbers(role, k, values[:, k])
+    if role != "velocity" and np.ptp(values[np.isfinite(values[:, k]), k]) == 0.0:
+        raise LogError(f"{sheet.path}: --{role}: column {column_text(text)} has the same number in every row")
     for mine in series:
         if mine.key[1] == str(k):
             return replace(mine, role=role, why="chosen")
