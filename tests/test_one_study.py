@@ -5,6 +5,7 @@ map. What two screens say of one number, one fact or one verdict is compared; co
 """
 
 import json
+import math
 import re
 import shutil
 import warnings
@@ -16,6 +17,7 @@ import pytest
 from palpate_desk.folder_view import row_messages
 from palpate_engine import verdict_rank
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_report.run_contents import RunContents
 from palpate_report.run_figures import draw
 from palpate_report.run_report import subject_of
@@ -291,7 +293,9 @@ def test_a_map_has_its_range_on_every_screen(area):
     page = words_of_page((folder / "area" / "report.html").read_text())
     for name, symbol, factor in (("elasticity", "E", 1e-3), ("viscosity", "eta", 1.0)):
         found = track["parameters"][name]
-        text = " to ".join(f"{factor * found['places'][end]:.4g}" for end in ("low", "high"))
+        ends = " to ".join(f"{factor * found['places'][end]:.4g}" for end in ("low", "high"))
+        one_place = math.sqrt(found["combined"] ** 2 - found["places"]["spread"] ** 2)
+        text = f"{ends}, mean {value_with_uncertainty(factor * found['value'], factor * one_place)}"
         assert re.search(rf"^  {symbol} +{text} .*{found['verdict']}", printed, re.MULTILINE)
         assert page.count(text) == 3  # at the top, as a number of the main track, in the table of all tracks
         assert f"{name} {text}" in page.partition("All tracks")[2]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Device, LogError
 
+SWEEP_ANALYSIS = "sweep-analysis"  # the template of a record along the skin; its last table takes the speed
 ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
 
 
@@ -69,6 +70,7 @@ class Suggestion:
     hints: tuple[str, ...] = ()  # what else was found, such as a delay
     views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
     template: str = "log-analysis"  # of tip, model and estimators that go with it
+    sweep_speed: float | None = None  # [m/s] of the tip along the skin, NaN without a time; None of a point
     assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
     guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
     rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that can be it, one is a guess

@@ -89,6 +89,25 @@ def test_a_column_without_a_name_that_moves_like_a_place_is_asked_for(tmp_path):
     assert any("--lateral sets it" in doubt for doubt in suggestion.doubts)
 
 
+def test_a_length_that_moves_like_a_place_is_asked_for_by_its_name(tmp_path):
+    """A column "way [mm]" is no x; one of another unit, or that goes on with the height, is nothing."""
+    names = ["way [mm]", "stage [mm]", "drift [degC]"]
+    path = sweep(tmp_path / "a.csv", names, lambda time, height: 4 * time, lambda time, height: 2 * height, along)
+    suggestion = suggest_csv(path, {})
+    (asked,) = [doubt for doubt in suggestion.doubts if "--lateral sets it" in doubt]
+    assert "column way [mm] goes on" in asked
+    assert suggestion.sweep_speed is None
+
+
+@pytest.mark.parametrize(("choices", "speed"), [({}, 4e-3), ({"time": "time [s]"}, 4e-3), ({"rate": "200 Hz"}, 8e-3)])
+def test_the_speed_along_the_skin_is_that_of_the_way_not_of_the_stays(tmp_path, choices, speed):
+    path = sweep(tmp_path / "a.csv", ["x [mm]"], lambda time, height: along(time, height) + 1e-3 * np.sin(900 * time))
+    if "rate" in choices:  # of rows without a time
+        rows = [line.partition(",")[2] for line in path.read_text().splitlines()]
+        path.write_text("\n".join(rows) + "\n")
+    assert suggest_csv(path, choices).sweep_speed == pytest.approx(speed, rel=0.02)
+
+
 def test_a_twist_is_a_velocity_and_its_other_axes_are_no_places(tmp_path):
     """As in a log that was exported: columns have the fields of their messages for names, and no units."""
 

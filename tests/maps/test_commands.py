@@ -3,6 +3,7 @@
 import csv
 import itertools
 import json
+import math
 import re
 import shutil
 import signal
@@ -331,15 +332,22 @@ def test_the_best_track_of_each_part_is_taken_and_named(palpate, raster_run, tmp
 
 
 @pytest.mark.slow
-def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
+def test_a_run_of_a_sweep_prints_ranges_and_means(palpate, root, tmp_path):
     line = ['trajectory.sweep.start=["0 mm", "-22 mm"]', 'trajectory.sweep.end=["0 mm", "-10 mm"]']
     settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']
     done = palpate("run", root / "pipelines" / "sweep.toml", *options(settings), "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines() if line.startswith(("  E ", "  eta "))][:2]
-    assert [bool(re.search(r"\d to \d", row)) for row in rows] == [True, True]
-    assert not any("±" in row for row in rows)
-    assert f"ranges along the path of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(
+    printed = [re.search(r" ([\d.]+) to ([\d.]+), mean ([\d.]+) ± ([\d.]+) ", row) for row in rows]
+    parameters = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]["dr/kinematic"]["parameters"]
+    for row, found, factor in zip(printed, parameters.values(), (1e-3, 1.0), strict=True):
+        low, high, mean, std = map(float, row.groups())
+        places = found["places"]
+        truth = [factor * number for number in (places["low"], places["high"], found["value"])]
+        assert [low, high, mean] == pytest.approx(truth, rel=5e-3)
+        # The ± is that of one place: how the places differ is the range.
+        assert std == pytest.approx(factor * math.sqrt(found["combined"] ** 2 - places["spread"] ** 2), rel=0.06)
+    assert f"range and mean along the path of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(
         done.stdout.split()
     )
 

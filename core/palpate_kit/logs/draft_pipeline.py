@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -119,7 +120,10 @@ def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -
     if beside is not None:
         device = {**suggestion.device, "file": os.path.relpath(log.resolve(), beside.resolve())}
         suggestion = replace(suggestion, device=device)
-    return pipeline_text(suggestion, log, templates[suggestion.template].text())
+    rest = templates[suggestion.template].text()
+    if (speed := suggestion.sweep_speed) is not None:
+        rest += f'sweep_speed = "{1e3 * speed:.3g} mm/s"\n' if math.isfinite(speed) else 'sweep_speed = "? mm/s"\n'
+    return pipeline_text(suggestion, log, rest)
 
 
 def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:

@@ -49,12 +49,12 @@ def table_value(name: str, found: Mapping[str, Any], of_track: str) -> TableValu
     """Return a value of ``result.json``; one without a verdict of its own has that of its track."""
     if of_track == "invalid":
         return TableValue(name, None, math.nan, found["unit"], "invalid")
-    combined, places = found.get("combined"), found.get("places")
+    combined = found.get("combined")
     return TableValue(
         name,
         estimate_of(found),
         math.nan if combined is None else combined,
         found["unit"],
         found.get("verdict") or of_track,
-        (places["low"], places["high"]) if places else None,
+        found.get("places") or {},
     )

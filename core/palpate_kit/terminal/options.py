@@ -45,3 +45,11 @@ UnitOption = Annotated[
     ),
 ]
 UnchangedOption = Annotated[bool, typer.Option("--yes", help="Ask nothing: specimen and tool are still the same.")]
+ForceOption = Annotated[str | None, typer.Option(help="With --tip: the column of the force.")]
+PositionOption = Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")]
+TimeOption = Annotated[str | None, typer.Option(help="With --tip: the column of the time.")]
+LateralOption = Annotated[
+    str | None,
+    typer.Option(metavar="COLUMN[,COLUMN]", help="With --tip: the place along the skin, or its x and y."),
+]
+RateOption = Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')]

@@ -102,7 +102,7 @@ def _cells(row: ResultRow, heads: Sequence[str], names: Sequence[str], whole_nam
         return [*cells, "-", "not read", *["", ""] * (len(names) - 1)][: len(heads) + 2 * max(len(names), 1)]
     for name in names:
         value = row.values.get(name)
-        cells += ["", ""] if value is None else [value.number, value.word]
+        cells += ["", ""] if value is None else ["\n".join(value.number_lines), value.word]
     return cells
 
 

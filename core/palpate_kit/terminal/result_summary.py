@@ -25,7 +25,7 @@ from palpate_kit.terminal.result_table import ResultTable, TableValue, result_ta
 from palpate_kit.terminal.table import Table as Cells
 
 _MILLINEWTON = 1e-3  # [N]
-_ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
+_ALONG = "range and mean along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -184,14 +184,6 @@ def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
             yield f"    -> {flag.remedy}"
 
 
-def _range(track: TrackResult, name: str) -> str:
-    """Where a parameter goes along the way of the tip."""
-    if name not in track.parameters:
-        return ""
-    found = track.parameters[name]
-    return " to ".join(f"{_scaled(found.places[end], found.unit):.4g}" for end in ("low", "high"))
-
-
 def _swept(track: TrackResult) -> bool:
     return any(found.places for found in track.parameters.values())
 
@@ -214,8 +206,7 @@ def _cells(track: TrackResult, names: list[str]) -> list[str]:
         reason = next((flag.code for flag in track.flags if flag.severity == "invalid"), "invalid")
         return [*([reason.replace("-", " ")] * len(names)), "", "", "", ""]
     cells = [_shown(name, track.parameters[name]) if name in track.parameters else "" for name in names]
-    if _swept(track):  # one value says nothing of all places
-        cells = [_range(track, name) for name in names]
+    if _swept(track):  # delay and surface are of one place
         return [*cells, "", "", _residual(track.force_rms), f"{track.nis:.2f}"]
     every = [*track.parameters.values(), *(value.found for value in track.derived)]
     delays = [found.per_shear for found in every if found.per_shear is not None]

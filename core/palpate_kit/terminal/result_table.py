@@ -40,7 +40,7 @@ class TableValue:
     combined: float  # NaN where it is not known
     unit: str
     verdict: str
-    places: tuple[float, float] | None = None  # lowest and highest along the path of the tip
+    places: Mapping[str, float] = field(default_factory=dict)  # along a path: low, high, and the spread within combined
 
     @property
     def symbol(self) -> str:
@@ -59,14 +59,27 @@ class TableValue:
         return "" if unit == "1" else unit
 
     @property
+    def of_one_place(self) -> float:
+        """The combined uncertainty without the differences between the places of a path, which are not errors."""
+        variance = self.combined**2 - self.places.get("spread", 0.0) ** 2
+        return math.nan if math.isnan(variance) else math.sqrt(max(variance, 0.0))
+
+    @property
     def number(self) -> str:
-        """The value and its uncertainty in the unit that is shown, along a path the range; a dash without a value."""
+        """The value and its uncertainty in the unit that is shown, along a path range and mean; a dash without one."""
+        return " ".join(self.number_lines)
+
+    @property
+    def number_lines(self) -> tuple[str, ...]:
+        """The number, of a path in two lines for a narrow column: the range, and the mean with its uncertainty."""
         factor = display_unit(self.unit)[1]
-        if self.places is not None:
-            return " to ".join(f"{end * factor:.4g}" for end in self.places)
         if self.value is None or not math.isfinite(self.value) or self.verdict == "invalid":
-            return "-"
-        return value_or_fixed(self.value * factor, self.combined * factor)
+            return ("-",)
+        number = value_or_fixed(self.value * factor, self.of_one_place * factor)
+        if not self.places:
+            return (number,)
+        low, high = (f"{self.places[end] * factor:.4g}" for end in ("low", "high"))
+        return f"{low} to {high},", f"mean {number}"
 
     @property
     def text(self) -> str:
@@ -76,8 +89,7 @@ class TableValue:
     @classmethod
     def of(cls, name: str, value: UncertainValue) -> TableValue:
         """Of a value of a track."""
-        places = (value.places["low"], value.places["high"]) if value.places else None
-        return cls(name, value.value, value.combined, value.unit, value.verdict or "", places)
+        return cls(name, value.value, value.combined, value.unit, value.verdict or "", value.places)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,11 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 @plugin
 def palpate_templates() -> dict[str, Template]:
     """Return the parts of a pipeline besides its log."""
-    return {"log-analysis": Template("palpate_filters", "templates/log_analysis.toml", "tip, model and estimators")}
+    file = "templates/{}_analysis.toml"
+    return {
+        "log-analysis": Template("palpate_filters", file.format("log"), "tip, model and estimators"),
+        "sweep-analysis": Template("palpate_filters", file.format("sweep"), "tip, model and smoother of a sweep"),
+    }
 
 
 @plugin

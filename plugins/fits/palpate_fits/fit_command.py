@@ -11,7 +11,17 @@ from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_schedu
 from palpate_kit.runs.replay_source import read_run_log
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.fact_options import with_facts
-from palpate_kit.terminal.options import DetailsOption, FormatOption, Overrides, WhereOption
+from palpate_kit.terminal.options import (
+    DetailsOption,
+    ForceOption,
+    FormatOption,
+    LateralOption,
+    Overrides,
+    PositionOption,
+    RateOption,
+    TimeOption,
+    WhereOption,
+)
 
 from palpate_fits.fit_request import (
     ByOption,
@@ -19,19 +29,14 @@ from palpate_fits.fit_request import (
     EachOption,
     FilesArgument,
     FitRequest,
-    ForceOption,
     GroupsOption,
     JobsOption,
     JsonOption,
-    LateralOption,
     ModelOption,
     NoRefitOption,
     OutOption,
     PicturesOption,
     PipelineOption,
-    PositionOption,
-    RateOption,
-    TimeOption,
     TipOption,
     UnsetOption,
 )

@@ -27,14 +27,6 @@ TipOption = Annotated[
 ModelOption = Annotated[
     str | None, typer.Option(help="With --tip: the contact model, by name or initials. [default: dr]")
 ]
-ForceOption = Annotated[str | None, typer.Option(help="With --tip: the column of the force.")]
-PositionOption = Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")]
-TimeOption = Annotated[str | None, typer.Option(help="With --tip: the column of the time.")]
-LateralOption = Annotated[
-    str | None,
-    typer.Option(metavar="COLUMN[,COLUMN]", help="With --tip: the place along the skin, or its x and y."),
-]
-RateOption = Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')]
 CurveOption = Annotated[
     str | None,
     typer.Option("--curve", metavar="NAME", help="With --tip: one curve of a map or a workbook, by its name."),

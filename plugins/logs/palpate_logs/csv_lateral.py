@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ _MAX_WAY = 0.5  # [m], a choice: what an arm palpates in one record
 _ALIKE = 0.98  # correlation with the height, from which on a column is the height again: a choice
 _STEADY = 0.99  # correlation with the row, from which on a column may be the place along a sweep: a choice
 _TIME = 0.9999  # correlation with the row, from which on a column is a time: a choice
+_SPEED_STEP, _SPEED_SHARE, _FASTEST = 0.2, 0.5, 0.9  # [s], of the quantile, and that quantile of speeds: choices
 _TINY = 1e-300  # keeps the largest number of a column of zeros above 0
 _UNITS = ("mm", "m", "um")  # that a column without a unit may have
 
@@ -31,8 +33,29 @@ class LateralColumns:
     """The columns of x and y, and what is not certain about them."""
 
     columns: dict[str, dict[str, Any]] = field(default_factory=dict)  # by axis
+    places: list[Floats] = field(default_factory=list)  # (n,) [m] of each of them
     doubts: list[str] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
+
+    def add(self, axis: str, sheet: Sheet, k: int, values: Floats, unit: str) -> None:
+        """Add column k of a sheet with values (n, columns) in a unit."""
+        self.columns[axis] = {"column": sheet.column(k), "unit": unit}
+        self.places.append(values[:, k] * si_unit(unit)[1])
+
+    def speed(self, time: Floats) -> float:
+        """Return the speed [m/s] along the skin at times (n,) [s] while the tip moves on; NaN where it never does.
+
+        By steps of 0.2 s, in which the noise of a place does not count: the median of those that are half as fast as
+        the fastest tenth or faster.
+        """
+        place = np.column_stack(self.places)
+        rows = np.flatnonzero(np.isfinite(place).all(axis=1))
+        stride = max(round(_SPEED_STEP / float(np.median(np.diff(time)))), 1)
+        rows = rows[::stride]
+        steps = np.linalg.norm(np.diff(place[rows], axis=0), axis=1) / np.diff(time[rows])
+        if not len(steps):
+            return math.nan
+        return float(np.median(steps[steps >= _SPEED_SHARE * np.quantile(steps, _FASTEST)]))
 
 
 def lateral_columns(
@@ -46,7 +69,7 @@ def lateral_columns(
     missing, or does not move like a place.
     """
     if stated is not None:
-        return _stated_columns(sheet, values, unit, stated)
+        return _stated_columns(sheet, values, picks, unit, stated)
     lateral = LateralColumns()
     height = values[:, picks["position"]]
     vectors = {sheet.names[k][:-1] for role, k in picks.items() if role != "position"} - {""}
@@ -56,14 +79,14 @@ def lateral_columns(
             continue
         own_unit = sheet.unit(k) or unit
         if si_unit(own_unit)[0] == "m" and _way(values[:, k], own_unit) >= _MIN_WAY:
-            lateral.columns[axis] = {"column": sheet.column(k), "unit": own_unit}
+            lateral.add(axis, sheet, k, values, own_unit)
     if not lateral.columns:
         lateral.hints += _hints(sheet, values, picks.values(), height)
     return lateral
 
 
-def _stated_columns(sheet: Sheet, values: Floats, unit: str, stated: str) -> LateralColumns:
-    """Return the columns that --lateral names; raises LogError where one does not move like a place."""
+def _stated_columns(sheet: Sheet, values: Floats, picks: Mapping[str, int], unit: str, stated: str) -> LateralColumns:
+    """Return the columns that --lateral names; raises LogError where one is another channel, or moves like no place."""
     names = [name.strip() for name in stated.split(",")]
     if len(names) > len(_AXES):
         raise LogError(f"{sheet.path}: --lateral: {len(names)} columns; name one, or that of x and that of y")
@@ -73,6 +96,8 @@ def _stated_columns(sheet: Sheet, values: Floats, unit: str, stated: str) -> Lat
         sheet.demand_numbers(LATERAL, k, values[:, k])
         axis = _AXES[position] if len(names) > 1 else _axis_of(sheet.names[k]) or "x"
         text, own_unit = column_text(sheet.column(k)), sheet.unit(k)
+        if (role := next((role for role, pick in picks.items() if pick == k), None)) is not None:
+            raise LogError(f"{sheet.path}: --lateral: column {text} is the {role}")
         candidates = [own_unit] if own_unit is not None else [unit, *(symbol for symbol in _UNITS if symbol != unit)]
         moving = [symbol for symbol in candidates if _MIN_WAY <= _way(values[:, k], symbol) <= _MAX_WAY]
         if not moving:
@@ -84,7 +109,7 @@ def _stated_columns(sheet: Sheet, values: Floats, unit: str, stated: str) -> Lat
         if own_unit is None:
             way = 1e3 * _way(values[:, k], moving[0])
             lateral.doubts.append(f"lateral: column {text} in {moving[0]} is a guess: it goes {way:.3g} mm")
-        lateral.columns[axis] = {"column": sheet.column(k), "unit": moving[0]}
+        lateral.add(axis, sheet, k, values, moving[0])
     return lateral
 
 
@@ -119,16 +144,19 @@ def _correlation(a: Floats, b: Floats) -> float:
 
 
 def _hints(sheet: Sheet, values: Floats, picked: Collection[int], height: Floats) -> list[str]:
-    """Return a question for each column that nothing names, and that goes on steadily in part of the record."""
+    """Return a question for each column of a length, or that nothing names, that goes on steadily in the middle."""
     hints = []
     for k, name in enumerate(sheet.names):
         column = values[:, k]
-        is_nameless = not sheet.header and k not in picked
-        if not is_nameless or _correlation(column, height) > _ALIKE:
+        symbol = sheet.unit(k)
+        is_length = symbol is not None and si_unit(symbol)[0] == "m" and _way(column, symbol) >= _MIN_WAY
+        may_be_place = is_length or (symbol is None and not sheet.header)
+        if k in picked or not may_be_place or _correlation(column, height) > _ALIKE:
             continue
         row = np.arange(len(column), dtype=float)
-        # A place of a sweep goes on in the middle half of the record; a time does so in all of it.
+        # A place of a sweep goes on in the middle half of the record; a time, which has no unit here, in all of it.
         middle = slice(len(column) // 4, 3 * len(column) // 4)
-        if _correlation(column[middle], row[middle]) > _STEADY and _correlation(column, row) < _TIME:
+        is_time = not is_length and _correlation(column, row) >= _TIME
+        if _correlation(column[middle], row[middle]) > _STEADY and not is_time:
             hints.append(f"lateral: column {column_text(name)} goes on like a place along the skin: --lateral sets it")
     return hints

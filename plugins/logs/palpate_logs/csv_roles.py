@@ -10,7 +10,7 @@ import numpy as np
 from palpate import Floats, LogError, suggest
 from palpate_kit.logs.role_guess import ROLES, NumberColumn, does_move
 from palpate_kit.logs.suggestion import POSITION_OF, TIP, UNITS, assemble_suggestion, find_roles, tip_of
-from palpate_records.recording import Suggestion
+from palpate_records.recording import SWEEP_ANALYSIS, Suggestion
 from palpate_records.tables.csv_clock import TimeColumn, clock_of, demand_progress
 from palpate_records.tables.csv_layout import facts_worth_stating
 from palpate_records.tables.csv_names import role_by_words, stamp_parts
@@ -97,6 +97,8 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         rivals={role: columns for role, columns in rivals.items() if role not in confirmed},
         facts=tuple((fact.line, fact.name, fact.value) for fact in facts_worth_stating(draft.sheet.facts)),
         has_time=draft.clock is not None and "time" in draft.clock.setting,
+        template=suggestion.template if draft.sweep_speed is None else SWEEP_ANALYSIS,
+        sweep_speed=draft.sweep_speed,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,8 @@ def place_of_sweep(draft: TableDraft) -> None:
     lateral = lateral_columns(draft.sheet, draft.values, picks, draft.units["position"], draft.choices.get(LATERAL))
     draft.device["columns"] |= lateral.columns
     draft.alignment |= {f"lateral_{axis}": f"log.{axis}" for axis in lateral.columns}
+    if lateral.columns:
+        draft.sweep_speed = math.nan if draft.seconds is None else lateral.speed(draft.seconds)
     draft.doubts += [*lateral.doubts, *lateral.hints]
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from palpate import Floats
 from palpate_kit.logs.role_guess import NumberColumn, RoleGuess
 from palpate_records.messages.readings import si_unit
@@ -35,10 +36,18 @@ class TableDraft:
     alignment: dict[str, Any] = field(default_factory=dict)
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
     rate: float | None = None  # [Hz] where no column is the time
+    sweep_speed: float | None = None  # [m/s] of the tip along the skin, NaN without a time; None of a point
     reasons: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     blanks: list[str] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> Floats | None:
+        """Time of each row (n,) [s]; None without a time and a rate."""
+        if self.clock is not None:
+            return self.clock.seconds
+        return np.arange(len(self.values)) / self.rate if self.rate is not None else None
 
     def index(self, role: str) -> int:
         """Return the column of a role."""

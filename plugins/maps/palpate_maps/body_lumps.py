@@ -85,6 +85,7 @@ def _shape(
     places = highest.place + np.column_stack([x.ravel(), y.ravel()]) @ highest.axes.T
     inside = places[_contrast(bodies, places) >= _HALF_HEIGHT * contrast]
     middle, extent = inside.mean(axis=0), np.ptp(inside[:, :2], axis=0) + _STEP
-    # Of a uniform body with the variance of its places.
-    across, along = np.sqrt(12 * np.linalg.eigvalsh(np.cov(inside[:, :2].T))).tolist()
+    # Along the main axes of these places, and from end to end.
+    directions = np.linalg.eigh(np.cov(inside[:, :2].T))[1]
+    across, along = (np.ptp(inside[:, :2] @ directions, axis=0) + _STEP).tolist()
     return middle, (float(extent[0]), float(extent[1])), (along, across)

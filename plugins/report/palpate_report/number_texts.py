@@ -9,7 +9,6 @@ from typing import Any
 
 from palpate_engine import display_unit, is_open
 from palpate_kit.runs.document_table import table_value
-from palpate_kit.terminal.quantities import unsigned
 
 
 def number_text(value: float, unit: str) -> str:
@@ -28,16 +27,16 @@ def value_of(found: Mapping[str, Any]) -> str:
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    value = replace(table_value("", found, ""), places=None)
+    value = replace(table_value("", found, ""), places={})
     return value.text if value.number != "-" else value.verdict if is_open(value.verdict) else "–"
 
 
 def range_of(found: Mapping[str, Any]) -> str:
-    """Return a value as on every screen: along a path its range with its verdict.
+    """Return a value as on every screen: along a path its range and mean with its verdict.
 
-    >>> places = {"low": 110e3, "high": 150e3}
+    >>> places = {"low": 110e3, "high": 150e3, "spread": 8.9e3}
     >>> range_of({"value": 120e3, "combined": 9e3, "unit": "Pa", "verdict": "good", "places": places})
-    '110 to 150 kPa good'
+    '110 to 150, mean 120.0 ± 1.3 kPa good'
     """
     return table_value("", found, "").text if found.get("places") else value_of(found)
 
@@ -73,29 +72,9 @@ def plain(value: Any) -> str:
     return str(value)
 
 
-def chance(p: float | None) -> str:
-    """Return a p-value.
-
-    >>> chance(1e-120)
-    '< 1e-99'
-    """
-    if p is None:
-        return "–"
-    return "< 1e-99" if p < 1e-99 else f"{p:.2g}"
-
-
 def embed_json(document: Any, indent: int | None = 1) -> str:
     """Return a document as JSON that may stand within a page's script element, whatever texts are in it."""
     text = json.dumps(document, indent=indent, allow_nan=False, ensure_ascii=True)
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text
-
-
-def millimetres(length: float) -> str:
-    """Return a length [m] as a number of mm, to a tenth.
-
-    >>> millimetres(-1e-6), millimetres(0.0123)
-    ('0.0', '12.3')
-    """
-    return unsigned(f"{1e3 * length:.1f}")

@@ -10,6 +10,7 @@ from palpate import FlagMeaning, ReportSection
 from palpate_engine import SEVERITIES, display_unit, function_of, registry
 from palpate_kit.figures import WIDTHS
 from palpate_kit.runs.document_table import document_table
+from palpate_kit.runs.lump_table import LUMP_NOTE, chance, lump_table
 from palpate_kit.runs.result_file import estimate_of
 from palpate_kit.runs.skin_grid import read_lump_findings, read_lumps
 from palpate_kit.terminal.comparison_table import comparison_table
@@ -85,7 +86,8 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
         sections=sections,
         last=_last_rows(record) if record.why_not is not None else [],
-        lumps=read_lumps(record.folder.maps),
+        lumps=lump_table(read_lumps(record.folder.maps)),
+        lump_note=LUMP_NOTE,
         exam=read_lump_findings(record.folder.maps),
         skin=skin_view(subject) if "map" in pictures else None,
         calibration=veil.tree(calibration) if veil else calibration,
@@ -137,8 +139,8 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    names = ("number_text", "value_of", "range_of", "parts_of", "readable", "plain", "chance", "millimetres")
-    helpers = {name: getattr(number_texts, name) for name in names}
+    names = ("number_text", "value_of", "range_of", "parts_of", "readable", "plain")
+    helpers = {"chance": chance, **{name: getattr(number_texts, name) for name in names}}
     environment.globals.update(helpers, severities=SEVERITIES, version=version("palpate"))
     return environment.get_template(template).render(**content)
 
@@ -189,13 +191,8 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
 
 def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for name, value in table["parameters"].items():
-        places = value["places"]
-        word, factor = display_unit(value["unit"])
-        doubt = number_texts.number_text(value["std"], value["unit"]) if value["std"] is not None else "not known"
-        number = None if value["value"] is None else number_texts.number_text(value["value"], value["unit"])
-        mean = f"mean of {places['places']} places {number or number_texts.value_of(value)}"
-        span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
-        yield number_texts.readable(name), span, f"along the path; {mean}; u of a place about {doubt}"
+        note = f"along the path, {value['places']['places']} places; ± is that of one place"
+        yield number_texts.readable(name), number_texts.range_of(value), note
 
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:

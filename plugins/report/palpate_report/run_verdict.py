@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from palpate_engine import verdict_word
+from palpate_kit.runs.document_table import table_value
 
 from palpate_report.run_contents import RunContents
 
@@ -82,16 +83,13 @@ def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
     return TrackVerdict(name, level, reasons if level != LEVELS[0] else ())
 
 
-def _of_a_place(found: Mapping[str, Any]) -> float:
-    """Combined uncertainty without how the places of a sweep differ, which is not an error; 0 where it is not known."""
-    combined, places = found.get("combined") or 0.0, found.get("systematic_places") or 0.0
-    return math.sqrt(max(combined**2 - places**2, 0.0))
-
-
 def _width(table: Mapping[str, Any]) -> float:
     """Mean relative combined uncertainty of a track's parameters: of equally good tracks the narrowest comes first."""
-    shares = [
-        (_of_a_place(found) or float("inf")) / abs(found["value"]) if found["value"] else float("inf")
-        for found in table["parameters"].values()
-    ]
-    return sum(shares) / len(shares) if shares else float("inf")
+    shares = [_relative_std(found) for found in table["parameters"].values()]
+    return sum(shares) / len(shares) if shares else math.inf
+
+
+def _relative_std(found: Mapping[str, Any]) -> float:
+    """Return the relative uncertainty of a value, along a path that of one place; infinite where it is not known."""
+    std = table_value("", found, "").of_one_place
+    return std / abs(found["value"]) if found["value"] and std > 0 else math.inf

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -28,11 +29,13 @@ def is_of_curves(run: Path, tip: str | None) -> bool:
     return tip is not None
 
 
-def fit_first(curves: Path, tip: str | None, model: str | None, overrides: list[str] | None) -> Path:
-    """Return a new folder of fits of curves."""
+def fit_first(
+    curves: Path, tip: str | None, model: str | None, choices: Mapping[str, str], overrides: Sequence[str]
+) -> Path:
+    """Return a new folder of fits of curves, whose columns `choices` name."""
     folder = make_folder("fit", None, datetime.now(UTC).astimezone())
     with print_aside(True), suppress(typer.Exit):  # which says that one of them has no value: the map does, too
-        analysis("fit")([curves], tip=tip, model=model, overrides=overrides, out=folder)
+        analysis("fit")([curves], tip=tip, model=model, overrides=[*overrides], out=folder, **choices)
     return folder
 
 

@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 from palpate import ConfigurationError, Floats, LogError
+from palpate_kit.runs.lump_table import LUMP_NOTE, lump_table
 from palpate_kit.runs.result_file import usable_value
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import TrackOption
 from palpate_kit.terminal.progress import progress
-from palpate_kit.terminal.quantities import unsigned
+from palpate_kit.terminal.table import Table
 
 from palpate_maps.commands.curves_command import drop_rejected, unit_of
 from palpate_maps.commands.map_command import Parameter, Run, SurfaceName, length
 
 if TYPE_CHECKING:
-    from palpate_maps.map_analysis import Findings, Lump
+    from palpate_maps.map_analysis import Findings
 
+_COLUMNS = (3, 13, 13, 13, 13, 13, 9)  # widths of the table of lumps
 _SAME_PLACE = 2e-3  # [m]: palpations nearer to each other are one place: half of a site's width
 _MIN_GROUPS = {"prediction": (4, 1), "welch": (2, 2)}  # baseline and suspect sites, or repeats, of each test
 
@@ -60,26 +62,21 @@ def lumps(
         findings = maps.lumps_of_run(run, path, sites, settings)
     text = map_files.lumps_json(findings, path)
     map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
-    typer.echo(text if as_json else _view(findings, path.source, unit_of(run, path.track, path.parameter)))
+    table = lump_table(json.loads(text)["lumps"])
+    typer.echo(text if as_json else _view(findings, table, path.source, unit_of(run, path.track, path.parameter)))
     if findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
 
 
-def _view(findings: Findings, source: str, unit: str) -> str:
+def _view(findings: Findings, table: Table, source: str, unit: str) -> str:
     """The lumps as a table of the terminal, with the background above and the test's power below."""
     from palpate_engine import display_unit
 
     name, factor = display_unit(unit)
     head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"
-    columns = ("x mm", "y mm", "width mm", "contrast %", "own size mm")
-    titles = "  #" + "".join(f"{column:>13}" for column in columns) + f"{'p':>9}"
-    lines = [head, titles] if findings.lumps else [head, "no lumps"]
-    for number, lump in enumerate(findings.lumps, 1):
-        place_std = lump.place_std or (None, None)
-        cells = [_with_std(place, std) for place, std in zip(lump.place, place_std, strict=True)]
-        cells += [_width_text(lump), f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"]
-        cells += ["" if lump.size is None else _with_std(*lump.size)]
-        lines.append(f"{number:3d}" + "".join(f"{cell:>13}" for cell in cells) + f"{lump.p:9.2g}")
+    rows = [table.headings, *table.rows] if table.rows else []
+    lines = ["".join(f"{cell:>{width}}" for cell, width in zip(row, _COLUMNS, strict=True)) for row in rows]
+    lines = [head, *(lines or ["no lumps"]), *([LUMP_NOTE] if rows else [])]
     if (power := findings.power) is not None and findings.coordinate is not None:
         lines.append(
             f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "
@@ -104,20 +101,6 @@ def exclusion_lines(findings: Findings) -> list[str]:
     if findings.response is None:
         lines.insert(1, "(if the track shows lumps as they are: the run has no log to try it on)")
     return [*lines, *(f"  {name:<20}" + "".join(f"{cell:>8}" for cell in cells) for name, cells in rows.items())]
-
-
-def _with_std(size: float, std: float | None) -> str:
-    """Return a length with its standard deviation [m], where there is one, in mm."""
-    text = unsigned(f"{1e3 * size:.1f}")
-    return text if std is None else f"{text} ± {1e3 * std:.1f}"
-
-
-def _width_text(lump: Lump) -> str:
-    """Return the width of a round lump with its standard deviation, else its extents, in mm."""
-    sizes = [size for size in lump.extent if size > 0]
-    if len(set(sizes)) == 1:
-        return _with_std(sizes[0], None if lump.width_std is None else lump.width_std * sizes[0])
-    return " x ".join(_with_std(size, None) for size in sizes)
 
 
 def compare(

@@ -10,17 +10,28 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, Surface, to_si
-from palpate_engine import load_pipeline
 from palpate_kit.curves.fit_folder import FitFolder, is_fit_folder
 from palpate_kit.figures import save_figure
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.json_output import print_json
-from palpate_kit.terminal.options import JsonOption, Overrides, Points, TrackOption, WhereOption
-from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.options import (
+    ForceOption,
+    JsonOption,
+    LateralOption,
+    Overrides,
+    Points,
+    PositionOption,
+    RateOption,
+    TimeOption,
+    TrackOption,
+    WhereOption,
+)
+from palpate_kit.terminal.progress import progress
 
-from palpate_maps.commands.curve_map import fit_first, is_of_curves, show_cells
+from palpate_maps.commands.curve_map import show_cells
 from palpate_maps.commands.curves_command import curves_of, drop_rejected, points_of, unit_of
+from palpate_maps.commands.first_run import folder_of
 
 if TYPE_CHECKING:
     from palpate_maps.body_field import BodyFit
@@ -46,12 +57,17 @@ def map_run(
     run: Annotated[
         Path,
         typer.Argument(
-            help="The run folder, a folder of fits of many curves, a pipeline file to run first; with --tip curves to "
-            "fit first: the map of a microscope, or a folder."
+            help="The run folder, a folder of fits of many curves, a pipeline file to run first; with --tip a table of "
+            "a sweep to run first, or curves to fit first: the map of a microscope, or a folder."
         ),
     ],
     tip: Annotated[str | None, typer.Option(help='Of curves: their tip, such as "sphere 3 mm" (its radius).')] = None,
     model: Annotated[str | None, typer.Option(help="With --tip: the contact model. [default: dr]")] = None,
+    force: ForceOption = None,
+    position: PositionOption = None,
+    lateral: LateralOption = None,
+    time: TimeOption = None,
+    rate: RateOption = None,
     track: TrackOption = None,
     where: WhereOption = None,
     parameter: Parameter = None,
@@ -67,7 +83,8 @@ def map_run(
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
 
     Of a folder of fits of many curves each curve is a site, at x_m and y_m of its curves.csv, or where it was measured;
-    less than 1 mm apart each is a cell. With --tip, a file of curves or a folder of them is fitted first, as by fit.
+    less than 1 mm apart each is a cell. With --tip, a file of curves or a folder of them is fitted first, as by fit;
+    a table whose tip moves along the skin, by its columns x and y or by --lateral, is run first, by a smoother.
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     Where the pipeline of the run has a surface, the map is on it: a PLY in place of the NPZ, seen from three sides.
     """
@@ -76,7 +93,8 @@ def map_run(
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
-    run = fit_first(run, tip, model, overrides) if is_of_curves(run, tip) else _run_first(run, overrides or [])
+    roles = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
+    run = folder_of(run, tip, model, {role: text for role, text in roles.items() if text is not None}, overrides or [])
     of_curves = is_fit_folder(run)
     if where is not None and not of_curves:
         raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
@@ -113,23 +131,6 @@ def map_run(
         print_json({**answer, **made.document, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
     typer.echo("\n".join([sentence, *made.uncertainty, f"written to {made.folder / name}.csv and next to it"]))
-
-
-def _run_first(run: Path, overrides: list[str]) -> Path:
-    """Return the run folder; of a pipeline file, that of a run that is made now.
-
-    Raises ConfigurationError for overrides of a run that has ended.
-    """
-    from palpate_engine import run_pipeline
-
-    if run.suffix != ".toml":
-        if overrides:
-            raise ConfigurationError(f"{run}: has ended; `palpate replay` estimates it again with other facts")
-        return run
-    with progress(str(run), "s"):
-        made = run_pipeline(load_pipeline(run, overrides), None, report_progress)
-    made.demand_whole()
-    return made.folder
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from palpate_kit.terminal.table import Table
 from palpate_studies.sweep.combinations import Combination
 
 _SHOWN = 2  # values
+_ENDS = ("low", "high")  # of a value along a path
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ def rows_of(combination: Combination, outcome: Outcome) -> list[dict[str, Any]]:
         for parameter, found in {**track["parameters"], "surface": track["surface"]}.items():
             row |= {f"{parameter} [{found['unit']}]": found["value"], f"{parameter}_std": found["std"]}
             row |= {f"{parameter}_verdict": found["verdict"]} if "verdict" in found else {}
+            row |= {f"{parameter}_{end}": found["places"][end] for end in _ENDS if "places" in found}
             row |= {
                 f"{parameter}_{key}": found[key]
                 for key in ("systematic", "systematic_places", "combined")
@@ -64,12 +66,10 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
     """Return the combinations with the smallest uncertainty of their first parameter, those that can be used first."""
 
     def cost(row: dict[str, Any]) -> tuple[int, float]:
-        value, combined = (row.get(key) for key in (_value_key(row), _combined_key(row)))
-        share = math.inf
-        if isinstance(value, float) and isinstance(combined, float) and value:
-            places = row.get(_combined_key(row).replace("combined", "systematic_places")) or 0.0
-            share = abs(math.sqrt(max(combined**2 - places**2, 0.0)) / value)  # how places differ is not an error
-        return verdict_rank(row.get("verdict", "invalid")), share
+        values = [_table_value(row, name, unit) for name, unit in _values([row]).items()][:1]
+        shares = [abs(value.of_one_place / value.value) for value in values if value.value]
+        known = [share for share in shares if math.isfinite(share)]
+        return verdict_rank(row.get("verdict", "invalid")), min(known, default=math.inf)
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]
     swept = [key for key in (kept[0] if kept else {}) if "." in key]
@@ -119,7 +119,9 @@ def _result_row(row: Mapping[str, Any]) -> ResultRow:
 def _table_value(row: Mapping[str, Any], name: str, unit: str) -> TableValue:
     value, combined = row.get(f"{name} [{unit}]"), row.get(f"{name}_combined")
     verdict = row.get(f"{name}_verdict") or row.get("verdict", "")
-    return TableValue(name, value, math.nan if combined is None else combined, unit, verdict)
+    keys = {**{end: f"{name}_{end}" for end in _ENDS}, "spread": f"{name}_systematic_places"}
+    places = {place: row[key] for place, key in keys.items()} if keys["low"] in row else {}
+    return TableValue(name, value, math.nan if combined is None else combined, unit, verdict, places)
 
 
 def _short(key: str, others: Sequence[str]) -> str:
@@ -128,18 +130,10 @@ def _short(key: str, others: Sequence[str]) -> str:
     return last if sum(other.rpartition(".")[2] == last for other in others) == 1 else key
 
 
-def _value_key(row: dict[str, Any]) -> str:
-    return next((key for key in row if key.endswith("]") and not key.startswith("surface")), "")
-
-
-def _combined_key(row: dict[str, Any]) -> str:
-    return f"{_value_key(row).partition(' [')[0]}_combined"
-
-
 def _value(row: dict[str, Any], name: str, unit: str) -> tuple[str, str]:
     """Number and verdict of a value."""
     value = _table_value(row, name, unit)
-    return value.number, value.word
+    return "\n".join(value.number_lines), value.word
 
 
 def write_rows(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
