@@ -277,6 +277,8 @@ def test_a_lump_has_one_place_on_terminal_page_picture_and_in_json(area):
     contents = RunContents.read(folder / "area")
     picture = draw("map", subject_of(contents, judge(contents)))
     assert crosses(picture.figure) == places
+    labels = [text.get_text() for text in picture.figure.axes[0].texts]
+    assert labels == [f"{number}: p {lump['p']:.0e}" for number, lump in enumerate(lumps, 1)]
     of_map = json.loads(call("map", "area", "--json", cwd=folder).stdout)["lumps"]
     assert [(1e3 * lump["place"][0], 1e3 * lump["place"][1]) for lump in of_map] == places
     page = words_of_page((folder / "area" / "report.html").read_text()).partition("Lumps")[2]

@@ -157,7 +157,8 @@ def test_the_table_and_the_picture(made, tmp_path):
     rows = surface_map_csv(made).splitlines()
     assert rows[0] == "x_m,y_m,z_m,elasticity,elasticity_std,p,stiff"
     assert len(rows) == len(made.map.vertices) + 1
-    figure = surface_map_figure(made.map, made.map.vertices, [(0.0, 0.0, 0.0)])
+    figure = surface_map_figure(made.map, made.map.vertices, [(0.0, 0.0, 0.0, 2e-5)])
+    assert [text.get_text() for text in figure.axes[0].texts] == ["1: p 2e-05"]
     titles = [axis.get_title(loc="left") or axis.get_title() for axis in figure.axes[:3]]
     assert titles == ["from above", "from the front", "from the right"]
     save_figure(figure, tmp_path / "map.png")

@@ -11,6 +11,7 @@ from palpate_engine import display_unit
 
 from palpate_kit.figures import WIDTHS, figure_of, style
 from palpate_kit.runs.exclusion_figure import draw_exclusion
+from palpate_kit.runs.lump_marks import CROSS, mark_lumps
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
 # The axes that a view shows, and the one along which it looks, with the sign of what looks at the viewer.
@@ -26,9 +27,9 @@ def surface_map_figure(
     width: float = WIDTHS["double"],
     excluded: Sequence[Mapping[str, float | None]] = (),
 ) -> Any:
-    """Value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z [m].
+    """Value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z [m], p.
 
-    Lumps have their numbers in the view from above. With lumps that are excluded, their curve is in a row of its own.
+    Lumps have number and p in the view from above. With lumps that are excluded, their curve is in a row of its own.
     """
     figure, axes = figure_of(3, 3 if excluded else 2, width, 55.0)
     name, factor = display_unit(surface_map.unit)
@@ -42,13 +43,10 @@ def surface_map_figure(
             _draw(axis, surface_map, values, colours, limits, view) for axis, view in zip(row, _VIEWS, strict=True)
         ]
         for axis, view in zip(row, _VIEWS, strict=True):
-            for place, mark in ((sites, "."), (np.array(lumps).reshape(-1, 3), "+")):
+            for place, mark in ((sites, "."), (np.array(lumps).reshape(-1, 4)[:, :3], "+")):
                 _mark(axis, place, mark, view)
-        for number, (x, y, _) in enumerate(lumps, 1):
-            row[0].annotate(
-                f"{number}", (1e3 * x, 1e3 * y), (3, 3), textcoords="offset points", color="red", fontsize="small"
-            )
         figure.colorbar(shown[-1], ax=row[-1], shrink=0.8, label=title)
+    mark_lumps(axes[0, 0], [(1e3 * x, 1e3 * y, p) for x, y, _, p in lumps])
     if excluded:
         draw_exclusion(axes[2, 0], excluded)
         for axis in axes[2, 1:]:
@@ -88,5 +86,5 @@ def _mark(axis: Any, places: Floats | None, mark: str, view: Any) -> None:
     _, (across, up), along, _ = view
     if places is None or not len(places) or (along != 2 and mark == "."):
         return
-    style = {"color": "white", "markersize": 1.5} if mark == "." else {"color": "red", "markersize": 7}
+    style = {"color": "white", "markersize": 1.5} if mark == "." else CROSS
     axis.plot(1e3 * places[:, across], 1e3 * places[:, up], mark, **style)

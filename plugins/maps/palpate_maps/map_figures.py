@@ -10,6 +10,7 @@ from palpate import Floats
 from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_kit.runs.exclusion_figure import draw_exclusion
+from palpate_kit.runs.lump_marks import CROSS, label_lump, mark_lumps
 
 from palpate_maps.grid_cells import Cells, grid_steps
 from palpate_maps.hidden_patches import Hiding
@@ -37,6 +38,7 @@ def map_picture(
     excluded = exclusion_table(findings) if findings is not None else []
     figure, axes = figure_of(3 if excluded else 2, height=60.0)
     name, factor = display_unit(unit)
+    lumps = [(1e3 * lump.place[0], 1e3 * lump.place[1], lump.p) for lump in (findings.lumps if findings else ())]
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
     fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
     fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
@@ -47,8 +49,12 @@ def map_picture(
         if field.stiff.any() and min(field.stiff.shape) > 1:
             axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
-        _mark_lumps(axis, findings, outlines, is_numbered=axis is axes[0, 0])
+        for outline in outlines:
+            axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
+        for x, y, _ in lumps:
+            axis.plot(x, y, "+", **CROSS)
         axis.grid(False)
+    mark_lumps(axes[0, 0], lumps)
     if excluded:
         draw_exclusion(axes[0, 2], excluded)
     return figure
@@ -86,7 +92,7 @@ def hiding_picture(
         draw_exclusion(axes[0, 1], excluded)
     figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
     for lump in lumps:
-        axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=7, markeredgewidth=1.5)
+        axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
     axis.set(title=f"a patch remains with {100 * hiding.risk:.3g} %", xlabel="x [mm]", ylabel="y [mm]")
     axis.grid(False)
     return figure
@@ -96,25 +102,6 @@ def _edges(axis: Floats) -> tuple[float, float]:
     """Return the outer edges [m] of cells at places (n,) [m] of an axis."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else _HALF_CELL
     return float(axis[0] - half), float(axis[-1] + half)
-
-
-def _mark_lumps(axis: Any, findings: Findings | None, outlines: Sequence[Floats], is_numbered: bool) -> None:
-    """Draw outlines and a cross at each lump, with its number in the table of lumps and its p."""
-    from matplotlib.patheffects import withStroke
-
-    for outline in outlines:
-        axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
-    middle = sum(axis.get_xlim()) / 2
-    for number, lump in enumerate(findings.lumps if findings else (), 1):
-        x, y = (1e3 * coordinate for coordinate in lump.place)
-        axis.plot(x, y, "r+", markersize=7, markeredgewidth=1.5)
-        if not is_numbered:
-            continue
-        # Towards the middle of the map, so that it is not cut off.
-        side, way = ("right", -4) if x > middle else ("left", 4)
-        text = f"{number}: p {lump.p:.0e}"
-        label = axis.annotate(text, (x, y), (way, 4), textcoords="offset points", ha=side, fontsize="x-small")
-        label.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
 @style()
@@ -144,17 +131,18 @@ def sweep_picture(
     if points is not None:
         at, value = 1e3 * points[0], points[1].value * factor
         axis.errorbar(at, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
-    if findings is not None and findings.coordinate is not None and findings.curve is not None:
-        for lump in findings.lumps:
-            _mark_on_curve(axis, lump, findings, factor)
     axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]")
     axis.set_ylim(common_limits([sites.value * factor for _, sites in series.values()], 0.0))
+    if findings is not None and findings.coordinate is not None and findings.curve is not None:
+        for number, lump in enumerate(findings.lumps, 1):
+            _mark_on_curve(axis, number, lump)
     legend_outside(axis)
     return figure
 
 
-def _mark_on_curve(axis: Any, lump: Any, findings: Findings, factor: float) -> None:
-    """A shaded stretch for a lump, at its coordinate along the sweep."""
-    at = lump.along
-    axis.axvspan(1e3 * (at - lump.extent[0] / 2), 1e3 * (at + lump.extent[0] / 2), color="red", alpha=0.1, linewidth=0)
-    axis.axvline(1e3 * at, color="red", linewidth=0.8)
+def _mark_on_curve(axis: Any, number: int, lump: Lump) -> None:
+    """Shade the stretch of a lump along the sweep, with its number in the table of lumps and its p at the bottom."""
+    at, half = 1e3 * lump.along, 1e3 * lump.extent[0] / 2
+    axis.axvspan(at - half, at + half, color="red", alpha=0.1, linewidth=0)
+    axis.axvline(at, color="red", linewidth=0.8)
+    label_lump(axis, number, (at, axis.get_ylim()[0]), lump.p)

@@ -6,6 +6,7 @@ import numpy as np
 from palpate import Floats
 from palpate_engine import display_unit
 from palpate_kit.figures import WIDTHS, common_limits, figure_of, legend_outside
+from palpate_kit.runs.lump_marks import mark_lumps
 from palpate_kit.runs.skin_grid import read_lumps
 from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import SurfaceMap
@@ -65,7 +66,9 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
 
 
 def _from_three_sides(subject: Subject, on_surface: SurfaceMap) -> ReportFigure:
-    lumps = [(lump["x"], lump["y"], lump["z"]) for lump in read_lumps(subject.record.folder.maps) if "z" in lump]
+    lumps = [
+        (lump["x"], lump["y"], lump["z"], lump["p"]) for lump in read_lumps(subject.record.folder.maps) if "z" in lump
+    ]
     names = ("x_m", "y_m", "z_m", on_surface.parameter, f"{on_surface.parameter}_std", "p")
     columns = (*on_surface.vertices.T, on_surface.value, on_surface.std, on_surface.p)
     caption = "The map of palpate map on the surface, interpolated between the places; a cross is the middle of a lump"
@@ -84,10 +87,8 @@ def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: fl
     )
     figure.colorbar(shown, ax=axis, shrink=0.8, label=label)
     axis.grid(False)
-    for number, lump in enumerate(read_lumps(subject.record.folder.maps), 1):
-        place = 1e3 * lump["x"], 1e3 * lump["y"]
-        axis.plot(*place, "+", color="red", markersize=7, markeredgewidth=1.2)
-        axis.annotate(f"{number}", place, (3, 3), textcoords="offset points", color="red", fontsize="small")
+    lumps = read_lumps(subject.record.folder.maps)
+    mark_lumps(axis, [(1e3 * lump["x"], 1e3 * lump["y"], lump["p"]) for lump in lumps])
     axis.set(xlabel="x [mm]", ylabel="y [mm]")
     x, y = np.meshgrid(grid.x, grid.y)
     return ReportFigure(figure, grid.caption, {"x_m": x.ravel(), "y_m": y.ravel(), parameter: grid.value.ravel()})

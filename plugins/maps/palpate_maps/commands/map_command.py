@@ -241,7 +241,7 @@ def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
     path, folder, sites = made.path, made.folder, made.sites
     found = make_surface_map(sites, surface, cell, path.parameter, made.unit, made.fit)
     lumps = made.findings.lumps if made.findings else ()
-    places = [(*lump.place, lump.height) for lump in lumps if lump.height is not None]
+    places = [(*lump.place, lump.height, lump.p) for lump in lumps if lump.height is not None]
     excluded = map_files.exclusion_table(made.findings) if made.findings else []
     image = surface_map_figure(found.map, sites_on(sites, surface).place, places, excluded=excluded)
     table = surface_map_csv(found)
