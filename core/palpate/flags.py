@@ -145,7 +145,7 @@ def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMean
         evidence += flag.evidence
     message = "; ".join(dict.fromkeys(sign.message for sign in raised or signs))
     causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes or ()))
-    remedy = next((sign.remedy for sign in raised if sign.remedy), meaning.remedy)
+    remedy = next((sign.remedy for sign in raised or signs if sign.remedy), meaning.remedy)
     return replace(
         signs[0], code=code, message=message, severity=meaning.severity, effects=_largest_effects(signs), causes=causes,
         evidence=tuple(evidence), remedy=remedy,

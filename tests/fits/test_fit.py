@@ -11,6 +11,7 @@ from palpate_fits.residual import reading
 from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_testing import check_estimator, synthetic_samples
+from palpate_testing.truth_records import PressMotion
 from scipy.signal import lfilter
 
 SPHERE = Sphere(radius=0.005)
@@ -348,6 +349,19 @@ def test_what_cannot_be_told_apart_is_named():
     shallow = ramp(HuntCrossley(), (0.8, 0.0, 1.5), deep=1e-3)
     known = fitted(HuntCrossley(), shallow, segment="contact").details["identifiability"]["pairs"]
     assert any({pair["first"], pair["second"]} == {"exponent", "surface"} for pair in known)
+
+
+def test_where_the_skin_is_what_is_not_known_stating_it_is_the_remedy():
+    """0.05 mm about 3 mm, in contact alone: E and the skin are one number, until the skin is stated."""
+    shaken = PressMotion(amplitude=5e-5, duration=5.0).samples(DR, (E, ETA), 0.14, 0)
+    unclear = fitted(DR, shaken, mass=0.14, profile=False)
+    flags = [flag for flag in unclear.flags if flag.code in ("hard-to-tell-apart", "not-identifiable")]
+    assert flags
+    assert all("surface" in flag.remedy for flag in flags if "elasticity" in flag.message)
+    stated = fitted(DR, shaken, mass=0.14, profile=False, fixed={"surface": 0.0})
+    assert not [flag for flag in stated.flags if flag.code in ("hard-to-tell-apart", "not-identifiable")]
+    row = np.flatnonzero(stated.status == 0)[0]
+    assert stated.std[row, 0] < 0.2 * unclear.std[row, 0]
 
 
 def test_a_record_of_very_many_samples_is_added_up_in_pieces(monkeypatch):

@@ -198,7 +198,7 @@ def _plain(value: float) -> str:
 
 def _shown(name: str, value: UncertainValue) -> str:
     shown = TableValue.of(name, value)
-    return " ".join(filter(None, (shown.number, shown.word)))
+    return " ".join(filter(None, ("\n".join(shown.number_lines), shown.word)))
 
 
 def _cells(track: TrackResult, names: list[str]) -> list[str]:

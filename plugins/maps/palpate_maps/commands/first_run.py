@@ -41,15 +41,15 @@ def folder_of(
 def _run(pipeline: Pipeline, source: Path) -> Path:
     """Return the folder of a run that is made now."""
     with progress(str(source), "s"):
-        made = run_pipeline(pipeline, None, report_progress)
-    made.demand_whole()
-    return made.folder
+        outcome = run_pipeline(pipeline, None, report_progress)
+    outcome.demand_whole()
+    return outcome.folder
 
 
 def _sweep_pipeline(log: Path, stated: StatedFacts, choices: Mapping[str, str]) -> Pipeline | None:
     """Return the pipeline of a table whose tip moves along the skin; None of any other log.
 
-    Raises ConfigurationError for what only a person can state, LogError for a column that is no place.
+    Raises ConfigurationError for what only a person can state, LogError for a column that does not move like one.
     """
     try:
         suggestion = suggestion_by_facts(log, stated.facts, choices, registry.load()) if log.is_file() else None
@@ -75,8 +75,8 @@ def _tables(suggestion: Suggestion, log: Path, model: str | None) -> dict[str, o
     """Return the tables of the suggested pipeline, with the model of a name where one is stated."""
     tables = toml_tables(pipeline_of(suggestion, log.resolve()))
     if model is not None:
-        known = registry.load()
-        name = known.named("model", model)
-        tip = {"indenter": "tip"} if "indenter" in known.find("model", name).model_fields else {}
+        parts = registry.load()
+        name = parts.named("model", model)
+        tip = {"indenter": "tip"} if "indenter" in parts.find("model", name).model_fields else {}
         tables["model"] = {name: {"type": name, **tip}}
     return tables

@@ -68,8 +68,7 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
     def cost(row: dict[str, Any]) -> tuple[int, float]:
         values = [_table_value(row, name, unit) for name, unit in _values([row]).items()][:1]
         shares = [abs(value.of_one_place / value.value) for value in values if value.value]
-        known = [share for share in shares if math.isfinite(share)]
-        return verdict_rank(row.get("verdict", "invalid")), min(known, default=math.inf)
+        return verdict_rank(row.get("verdict", "invalid")), min(filter(math.isfinite, shares), default=math.inf)
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]
     swept = [key for key in (kept[0] if kept else {}) if "." in key]
