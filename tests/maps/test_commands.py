@@ -37,7 +37,9 @@ def options(assignments):
 def sweep_run(root, tmp_path_factory):
     """The example sweep, run once."""
     folder = tmp_path_factory.mktemp("sweep") / "run"
-    run_pipeline(load_pipeline(root / "pipelines" / "sweep.toml", ['run.tracks=["dr/smoother", "dr/ekf"]']), folder)
+    run_pipeline(
+        load_pipeline(root / "pipelines" / "sweep.toml", ['run.tracks=["dr/smoother", "dr/ekf", "dr/afekf"]']), folder
+    )
     return folder
 
 
@@ -79,6 +81,17 @@ def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     text = palpate("map", "lumps", sweep_run).stdout
     assert "contrast" in text
     assert "kPa" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("track", ["dr/smoother", "dr/afekf"])
+def test_a_lump_of_a_sweep_is_within_its_uncertainty(palpate, sweep_run, track):
+    """The AFEKF is 1 to 2 mm late: how late is known by its response, and a part of the ±."""
+    found = json.loads(palpate("map", "lumps", sweep_run, "--track", track, "--json").stdout)
+    assert len(found["lumps"]) == 2
+    for lump, place in zip(found["lumps"], (-0.014, 0.014), strict=True):
+        assert abs(lump["y"] - place) < 2 * lump["place_std"][1] < 4e-3
+        assert lump["size"]["value"] < lump["extent"][0]
 
 
 @pytest.mark.slow

@@ -64,11 +64,14 @@ def test_both_methods_read_a_lump_off_the_same_curve():
 @pytest.mark.parametrize("way", [1, -1])
 def test_lumps_of_a_sweep_are_where_they_are(method, way):
     sites = sweep(np.random.default_rng(0), [(-0.014, 0.006, 0.45), (0.015, 0.005, 0.15)])
-    first, second = find_lumps(turned(sites, way), LumpSettings(method=method)).lumps
+    first, second = find_lumps(turned(sites, way), LumpSettings(method=method, contact_radius=4e-3)).lumps
     assert first.place[1] == pytest.approx(-0.014, abs=1e-3)
     assert second.place[1] == pytest.approx(0.015, abs=1e-3)
     assert second.contrast == pytest.approx(0.15, abs=0.04)
     assert second.extent[0] == pytest.approx(2.355 * 0.005, rel=0.25)
+    # Its own size is without the tip, and without the 4 mm over which the curve is smoothed.
+    (size, std), own = first.size, 2.355 * np.sqrt(0.006**2 - 0.225 * 0.004**2)
+    assert abs(size - own) < 3 * std < 0.2 * own
     assert first.p <= second.p < 1e-3
 
 

@@ -42,12 +42,12 @@ def body_lump(fit: BodyFit, members: Sequence[int], points: Floats, contact_radi
         axes=axes,
         place_std=(float(np.sqrt(place_variance[0])), float(np.sqrt(place_variance[1]))),
         width_std=float(np.sqrt(body_covariance[-1, -1])),
-        size=_own_size(bodies, float(np.sqrt(body_covariance[-1, -1])), contact_radius),
+        size=own_size(bodies, float(np.sqrt(body_covariance[-1, -1])), contact_radius),
         bodies=len(bodies),
     )
 
 
-def _own_size(bodies: Sequence[Body], relative_std: float, contact_radius: float | None) -> tuple[float, float] | None:
+def own_size(bodies: Sequence[Body], relative_std: float, contact_radius: float | None) -> tuple[float, float] | None:
     """Return the size [m] of a single body without the tip's blur, with its standard deviation; None if not known."""
     if len(bodies) > 1 or contact_radius is None:
         return None

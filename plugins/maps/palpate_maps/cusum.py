@@ -146,7 +146,7 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
         if inside:
             peak = max(inside, key=lambda peak: peak.height)
             highest[peak] = min(p, highest.get(peak, 1.0))
-    lumps = [lump_of_peak(curve, peak, settings.width, p) for peak, p in highest.items()]
+    lumps = [lump_of_peak(curve, peak, settings, p) for peak, p in highest.items()]
     return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")
 
 

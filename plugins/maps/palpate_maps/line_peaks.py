@@ -8,6 +8,7 @@ import numpy as np
 from palpate import Floats, LogError
 
 from palpate_maps.body_field import FWHM, Body, SiteField, fit_bodies
+from palpate_maps.body_lumps import own_size
 from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
 from palpate_maps.lump_power import sweep_exclusion, sweep_power
 from palpate_maps.sites import Sites, merge_sites, site_numbers
@@ -80,18 +81,19 @@ def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
     for peak in peaks(curve, float(np.log1p(settings.contrast))):
         p = min(1.0, pairs * 2 * float(stats.norm.sf(peak.height / peak.std)))
         if p <= settings.rate:
-            lumps.append(lump_of_peak(curve, peak, settings.width, p))
+            lumps.append(lump_of_peak(curve, peak, settings, p))
     # The power is that of a difference of two points of median noise.
     std = float(np.median(curve.noise)) * np.sqrt(2.0)
     power, excluded = sweep_power(std, length, settings), sweep_exclusion(std, length, settings)
     return replace(curve.findings(lumps, "prominence along the sweep"), power=power, excluded=excluded)
 
 
-def lump_of_peak(curve: LineCurve, peak: Peak, width: float, p: float) -> Lump:
+def lump_of_peak(curve: LineCurve, peak: Peak, settings: LumpSettings, p: float) -> Lump:
     """Return the lump of a peak, whose place and extent have the standard deviations of a body fitted to its sites.
 
     The sites are those of the curve's width about it, up to a width of the peak beyond its flanks.
     """
+    width = settings.width
     coarse, number = merge_sites(curve.sites, width), site_numbers(curve.sites, width)
     field = SiteField(curve.along[:, None], number, coarse.log)
     window = np.abs(field.middle[:, 0] - peak.middle) <= _WINDOW * max(peak.extent, width)
@@ -99,7 +101,7 @@ def lump_of_peak(curve: LineCurve, peak: Peak, width: float, p: float) -> Lump:
     fit = fit_bodies(field.chosen(window), [start], float(np.median(curve.noise)))
     place_variance, _, width_variance = np.diag(fit.covariance)[1:].tolist()
     along = curve.direction * float(np.sqrt(place_variance))
-    contrast = float(np.expm1(peak.height))
+    contrast, width_std = float(np.expm1(peak.height)), float(np.sqrt(width_variance))
     return Lump(
         curve.place(peak.middle),
         (peak.extent, 0.0),
@@ -108,7 +110,8 @@ def lump_of_peak(curve: LineCurve, peak: Peak, width: float, p: float) -> Lump:
         p=p,
         along=peak.middle,
         place_std=(float(abs(along[0])), float(abs(along[1]))),
-        width_std=float(np.sqrt(width_variance)),
+        width_std=width_std,
+        size=own_size(fit.bodies, width_std, settings.contact_radius),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from palpate import PalpateError
 from palpate_kit.runs.continuation import recorded_pipeline
 
 from palpate_maps.exclusion import Places
-from palpate_maps.lump_criteria import Findings, LumpSettings, TrackResponse
+from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, TrackResponse
 from palpate_maps.lumps import find_lumps
 from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites
@@ -32,9 +33,23 @@ def lumps_of_run(
         response=response or TrackResponse(),
     )
     findings = replace(find_lumps(sites, settings, places), response=response)
+    if response is not None and findings.coordinate is not None:
+        findings = replace(findings, lumps=tuple(_with_lag(lump, response.lag) for lump in findings.lumps))
     if path.lags or (response is not None and response.share(SIGMA) < _MIN_SHARE):
         return replace(findings, power=None, excluded=(), lags=path.track)
     return findings
+
+
+def _with_lag(lump: Lump, lag: float) -> Lump:
+    """Return a lump of a sweep, with the lag [m] of its track in the standard deviation of its place along the way.
+
+    Lines of a raster that go to and fro move a lump to either side.
+    """
+    if lump.place_std is None or not any(lump.place_std):
+        return lump
+    std = math.hypot(*lump.place_std)
+    x, y = (part / std * math.hypot(std, lag) for part in lump.place_std)
+    return replace(lump, place_std=(x, y))
 
 
 def _contact_radius(run: Path, track: str) -> float | None:
