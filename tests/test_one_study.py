@@ -17,6 +17,7 @@ import pytest
 from palpate_desk.folder_view import row_messages
 from palpate_engine import verdict_rank
 from palpate_kit.curves.fit_folder import FitFolder
+from palpate_kit.runs.lump_table import chance
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_report.run_contents import RunContents
 from palpate_report.run_figures import draw
@@ -278,7 +279,7 @@ def test_a_lump_has_one_place_on_terminal_page_picture_and_in_json(area):
     picture = draw("map", subject_of(contents, judge(contents)))
     assert crosses(picture.figure) == places
     labels = [text.get_text() for text in picture.figure.axes[0].texts]
-    assert labels == [f"{number}: p {lump['p']:.0e}" for number, lump in enumerate(lumps, 1)]
+    assert labels == [f"{number}: p {chance(lump['p'])}" for number, lump in enumerate(lumps, 1)]
     of_map = json.loads(call("map", "area", "--json", cwd=folder).stdout)["lumps"]
     assert [(1e3 * lump["place"][0], 1e3 * lump["place"][1]) for lump in of_map] == places
     page = words_of_page((folder / "area" / "report.html").read_text()).partition("Lumps")[2]

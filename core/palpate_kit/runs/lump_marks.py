@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from palpate_kit.runs.lump_table import chance
+
 CROSS = {"color": "red", "markersize": 7, "markeredgewidth": 1.5}
 _OFFSET = 4  # [pt] of a label from its cross
 _HALO = 2  # [pt] of white about a label
@@ -22,6 +24,6 @@ def label_lump(axis: Any, number: int, place: tuple[float, float], p: float) -> 
     from matplotlib.patheffects import withStroke
 
     side, way = ("right", -1) if place[0] > sum(axis.get_xlim()) / 2 else ("left", 1)
-    text, offset = f"{number}: p {p:.0e}", (way * _OFFSET, _OFFSET)
+    text, offset = f"{number}: p {chance(p)}", (way * _OFFSET, _OFFSET)
     label = axis.annotate(text, place, offset, textcoords="offset points", ha=side, fontsize="x-small")
     label.set_path_effects([withStroke(linewidth=_HALO, foreground="white")])
