@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -193,7 +194,8 @@ def position_of(position: str | None, beam: object) -> str | None:
     return position or (None if beam is None else "tip" if beam == NO_BEAM else "stage")
 
 
-def facts_stated() -> dict[str, str]:
+@cache
+def facts_stated() -> Mapping[str, str]:
     """Return the key that states each fact of a condition."""
     fields = RigFacts.model_fields
     return {fact: name for name in fields if (fact := _extra(name).get("fact"))}

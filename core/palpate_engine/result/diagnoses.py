@@ -67,19 +67,22 @@ def apply_diagnoses(
         *earlier, name = names
         return with_findings(diagnosed(label, tuple(earlier)), tracks[label].model, name, findings[name][label])
 
-    def with_findings_of(label: str, names: Iterable[str]) -> TrackResult:
-        """Return the result of a track with the findings of these diagnoses, where they have some."""
-        return diagnosed(label, tuple(name for name in names if label in findings[name]))
+    @cache
+    def updated(label: str, names: tuple[str, ...]) -> TrackEvidence:
+        """Return the evidence of a track with the uncertainties by these diagnoses, all of which have findings."""
+        return _with_uncertainties(evidence[label], diagnosed(label, names))
 
+    def with_findings_on(label: str, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the diagnoses that have findings on a track."""
+        return tuple(name for name in names if label in findings[name])
+
+    has_values = {label: bool(np.isfinite(track.values).all()) for label, track in evidence.items()}
     for name, before in _order(tuple(diagnoses.items())):
         diagnosis = diagnoses[name]
-        # The tracks with the uncertainties by the diagnoses before.
-        updated: list[TrackEvidence] = []
-        for label, track in evidence.items():
-            if diagnosis.lost or np.isfinite(track.values).all():
-                updated.append(_with_uncertainties(track, with_findings_of(label, before)))
-        findings[name] = _findings(name, diagnosis, updated) if updated else {}
-    return {label: with_findings_of(label, findings) for label in tracks}
+        labels = [label for label in evidence if diagnosis.lost or has_values[label]]
+        tracks_before = [updated(label, with_findings_on(label, before)) for label in labels]
+        findings[name] = _findings(name, diagnosis, tracks_before) if labels else {}
+    return {label: diagnosed(label, with_findings_on(label, findings)) for label in tracks}
 
 
 @lru_cache(maxsize=4)  # the records of a folder share one

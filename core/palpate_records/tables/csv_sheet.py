@@ -23,6 +23,7 @@ from palpate_records.tables.csv_names import is_electrical, is_reading, looks_li
 from palpate_records.tables.dialect import Dialect, dialect_of, grouped_or_decimal
 from palpate_records.tables.footer import is_event
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines
+from palpate_records.tables.table_forms import table_form
 from palpate_records.tables.table_record import OF_RECORD, TableRecord
 from palpate_records.tables.table_rows import rows_below
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -61,14 +62,8 @@ class Sheet:
             lines = first_lines(file, path, int(given.get("header", 0)))
         if not any(line.strip() for line in lines):
             raise LogError(f"{path}: the file is empty")
-        dialect = Dialect("\t") if is_binary_table(path) else dialect_of(lines)
-        dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
-        layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
-        rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]
-        if "decimal" not in given:
-            _refuse_decimal_commas(path, lines, dialect, layout, rows)
-        if "decimal" not in given and "thousands" not in given:
-            dialect = _with_thousands(path, dialect, rows, layout)
+        stated_keys = tuple(sorted(given.items()))
+        dialect, layout = table_form(lines, stated_keys, partial(_dialect_and_layout, path, lines, given))
         layout = layout if record is None else record.layout(layout)
         return cls(path, layout.names or tuple(map(str, range(layout.width))), dialect, layout, given, record=record)
 
@@ -266,6 +261,19 @@ def _checked(path: Path, key: str, text: str) -> str | int:
     if not right:
         raise LogError(f"{path}: {key} = {text!r}: expected {words}")
     return int(text) if key in ("header", "units") else text
+
+
+def _dialect_and_layout(path: Path, lines: list[str], given: Mapping[str, str | int]) -> tuple[Dialect, TableLayout]:
+    """Return the dialect and layout of a table by its first lines and what is stated; raises LogError."""
+    dialect = Dialect("\t") if is_binary_table(path) else dialect_of(lines)
+    dialect = replace(dialect, **{key: str(given[key]) for key in KEYS[:4] if key in given})
+    layout = layout_of(path, lines, dialect, *(given.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
+    rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _TWICE) if row]
+    if "decimal" not in given:
+        _refuse_decimal_commas(path, lines, dialect, layout, rows)
+    if "decimal" not in given and "thousands" not in given:
+        dialect = _with_thousands(path, dialect, rows, layout)
+    return dialect, layout
 
 
 def _text(given: Mapping[str, str | int], key: str) -> str | None:

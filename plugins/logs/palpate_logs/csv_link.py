@@ -19,6 +19,7 @@ from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.dialect import MARKS, TableRow
 from palpate_records.tables.footer import is_event
 from palpate_records.tables.plain_numbers import lines_from, plain_numbers, whole_lines, without_digits
+from palpate_records.tables.table_forms import table_form
 from palpate_records.tables.table_records import pages_of, record_named
 from palpate_records.tables.table_rows import rows_below
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -109,7 +110,8 @@ class CsvLink:
         log, path = self._log, self._log.file
         with open_text(path, log.encoding, self._sheet) as file:
             lines = first_lines(file, path, self._header or 0)
-            self._layout = layout_of(path, lines, self._dialect, self._header, log.units)
+            stated = self._dialect, self._header, log.units
+            self._layout = table_form(lines, stated, lambda: (self._dialect, layout_of(path, lines, *stated)))[1]
             if self._record is not None:
                 self._layout = self._record.layout(self._layout)
             self._at = self._places()

@@ -154,4 +154,9 @@ def transform_points(count: int) -> int:
 
 def _back(weights: Floats, kernel: Floats) -> Floats:
     """Weights (m, n) of readings from those of their convolution with a kernel."""
-    return np.array([np.convolve(row, kernel[::-1], "same") for row in weights])
+    # One row behind the other, with zeros between, so that one convolution is for all.
+    rows, count = weights.shape
+    apart = np.zeros((rows, count + len(kernel) - 1))
+    apart[:, :count] = weights
+    begin = (len(kernel) - 1) // 2
+    return np.convolve(apart.ravel(), kernel[::-1])[begin : begin + apart.size].reshape(apart.shape)[:, :count]

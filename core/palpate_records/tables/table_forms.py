@@ -1,0 +1,64 @@
+"""The form of a table, remembered by the lines above its numbers: the files of a folder mostly have the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+
+from palpate_records.tables.csv_layout import TableLayout
+from palpate_records.tables.dialect import Dialect
+from palpate_records.tables.number_rows import ENOUGH_ROWS
+from palpate_records.tables.plain_numbers import plain_numbers
+
+_MAX_FORMS = 64  # that are remembered, some kB each: a choice
+# A mark that no thousands have: behind a leading zero or four digits, or not before exactly three.
+_FRACTION = {mark: re.compile(rf"(?<![\d.,])0[{mark}]|\d{{4}}[{mark}]|[{mark}](?!\d{{3}}(?!\d))") for mark in ".,"}
+
+
+@dataclass(frozen=True)
+class TableForm:
+    """The lines above the numbers of a table, with the dialect and layout that were found with them."""
+
+    head: tuple[str, ...]
+    dialect: Dialect
+    layout: TableLayout
+
+    def is_of(self, lines: Sequence[str]) -> bool:
+        """Return True if the first lines of a file can have no other dialect and layout.
+
+        They do if the head is the same, and all below it is rows of numbers in this dialect, as many as settle both,
+        each with a fraction: any other dialect then has fewer numbers in a row, or more text (0620).
+        """
+        count, rows = len(self.head), lines[len(self.head) :]
+        return (
+            len(rows) >= max(count, ENOUGH_ROWS)
+            and count <= ENOUGH_ROWS
+            and tuple(lines[:count]) == self.head
+            and self.layout.width > 1
+            and all(map(_FRACTION[self.dialect.decimal].search, rows))
+            and plain_numbers("".join(rows), self.dialect, self.layout.width) is not None
+        )
+
+
+_forms: dict[Hashable, TableForm] = {}  # of this process, by their first line and what is stated of them
+
+
+def table_form(
+    lines: Sequence[str], stated: Hashable, look: Callable[[], tuple[Dialect, TableLayout]]
+) -> tuple[Dialect, TableLayout]:
+    """Return the dialect and layout of a file by its first lines: a form that is remembered, else what `look` returns.
+
+    What `look` returns, and whether it raises, depends on the lines and on what is `stated` alone.
+    """
+    key = stated, *lines[:1]
+    form = _forms.get(key)
+    if form is not None and form.is_of(lines):
+        return form.dialect, form.layout
+    dialect, layout = look()
+    form = TableForm(tuple(lines[: layout.begin]), dialect, layout)
+    if form.head and form.is_of(lines):
+        if len(_forms) >= _MAX_FORMS:
+            _forms.clear()
+        _forms[key] = form
+    return dialect, layout
