@@ -238,15 +238,17 @@ class StopModes:
     channel: str  # of one of its streams
     emergency: tuple[int, ...]  # its values at an emergency stop
     safeguard: tuple[int, ...] = ()  # at a safeguard stop; empty: the robot has none, or does not report it
+    reflex: tuple[int, ...] = ()  # at a stop by the controller's own threshold of force; empty: as above
+    single_connection: bool = False  # True: the controller serves one program, so that a run records how it stops
 
 
 @runtime_checkable
 class ReportsStops(Protocol):
-    """A robot that a second connection can watch while a run moves it, and whose states report its own stops."""
+    """A robot whose states, watched by a second connection or recorded by the run, report its own stops."""
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """The values that mean a stop; None for a robot that cannot be watched."""
+        """The values that mean a stop; None for a robot whose states do not report one."""
         ...
 
 

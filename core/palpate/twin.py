@@ -80,6 +80,7 @@ class Twin(Part, ABC):
     """Settings of a twin; it stands in the pipeline file of the rig that it replaces, which does not look at it."""
 
     kind: ClassVar[str] = "twin"
+    absent_stops: ClassVar[tuple[str, ...]] = ()  # fields of `StopModes`, such as "reflex", that `serve` does not have
 
     @abstractmethod
     def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
@@ -96,6 +97,10 @@ class Twin(Part, ABC):
         `tip_mass` [kg] is that of everything behind the sensor, where it is known.
         """
         return None
+
+    def replaces(self, device: Device) -> bool:
+        """Return True if the settings of a device lead to this twin while it is served."""
+        return False
 
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> AbstractContextManager[SimulatedTwin]:
         """Return a context of simulated time, in which the devices of the rig reach the twin without ports.

@@ -182,7 +182,7 @@ class ArmSettings(Device):
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """How its status reports its own stops; None if a second connection cannot watch it during a run."""
+        """How its status reports its own stops, and whether a second connection can watch them; None if it does not."""
         return None
 
     @property

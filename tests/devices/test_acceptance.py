@@ -1,20 +1,32 @@
 """``palpate acceptance``: what a rig does when it is stopped, against what [safety] declares."""
 
 import json
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError
+from palpate import ConfigurationError, StopModes
 from palpate_commands.acceptance.measurement import (
     BrakingTrace,
     MissedError,
+    Standstill,
     first_beyond,
     measure_braking,
     measure_force_delay,
+    measure_standstill,
 )
+from palpate_commands.acceptance.observer import RunRecord
+from palpate_commands.acceptance.outcome import Allowed, Outcome
+from palpate_commands.acceptance.page import Acceptance
+from palpate_commands.acceptance.simulator import Simulator
+from palpate_commands.acceptance.steps import all_visits
+from palpate_commands.acceptance.strokes_run import StrokesRun, row_type
+from palpate_commands.acceptance.watched_arm import WatchedArm
+from palpate_devices.ur.device import UR
 from palpate_engine import load_pipeline
 from palpate_engine.cli import call
 from palpate_engine.config import resolved_text
+from palpate_simulation.twins.bench import VirtualBench
 
 from tests.devices.simulated_bench import PIPELINE, SHORT
 from tests.devices.simulated_job import go_through
@@ -199,3 +211,118 @@ def test_the_acceptance_of_a_rehearsal_is_rehearsed(palpate, tmp_path):
     refused = palpate("acceptance", "pipeline.toml", "--step", "ctrl-c", "--out", "other")
     assert refused.returncode == 2
     assert "--step ctrl-c: a signal needs the process of a run: it is not rehearsed" in refused.stderr
+
+
+@pytest.fixture
+def single_connection(monkeypatch):
+    """Let the driver of a UR declare that its controller serves one program."""
+    modes = StopModes("safety_mode", (6, 7, 8), (5,), single_connection=True)
+    monkeypatch.setattr(UR, "stop_modes", modes)
+
+
+@pytest.mark.slow
+def test_the_record_of_a_run_shows_the_stop_that_a_second_connection_shows(simulated, tmp_path, request):
+    """Over 20 s: each of two stops twice, once from outside the run and once from its own record."""
+    names, outcomes = ["free-air/estop", "foam/force"], []
+    for folder in ("outside", "record"):
+        twin = simulated(*SHORT, "twin.bench.height=10 mm")
+        outcomes.append(go_through(twin, tmp_path / folder, names)[0])
+        request.getfixturevalue("single_connection")
+    assert not list((tmp_path / "outside").rglob("tip.bin"))
+    for name in names:
+        outside, record = (each[name] for each in outcomes)
+        assert record.problems == outside.problems == ()
+        for key, tolerance in (("reaction", 3 * STEP), ("way", 5e-5), ("speed", 1e-3)):
+            assert getattr(record.braking, key) == pytest.approx(getattr(outside.braking, key), abs=tolerance), (
+                name,
+                key,
+            )
+
+
+@pytest.mark.slow
+def test_a_slow_stop_fails_by_the_record_of_the_run_as_well(simulated, single_connection, tmp_path):
+    twin = simulated(*SHORT, "twin.bench.height=10 mm")
+    outcome = go_through(twin, tmp_path / "a", ["free-air/estop"], ("slow-stop 0.05",))[0]["free-air/estop"]
+    assert {"it brakes too softly", "it goes too far"} <= set(outcome.problems)
+
+
+def test_a_record_is_read_as_it_grows_and_never_half_a_row(root, single_connection, tmp_path):
+    arm = WatchedArm.of(load_pipeline(root / "pipelines" / "point_ur3e.toml"))
+    run = StrokesRun(tmp_path, None, None)
+    record = RunRecord(arm, run)
+    assert np.isnan(record.height)
+    rows = {name: np.zeros(3, row_type(arm.columns(name))) for name in arm.streams}
+    for name, table in rows.items():
+        table["time"], table["values"][:, 2] = [0, 2_000_000, 4_000_000], [0.01, 0.02, 0.03]
+        data = table.tobytes()
+        run.record(name).write_bytes(data[: len(data) // 2])
+    assert record.height == 0.01
+    for name, table in rows.items():
+        run.record(name).write_bytes(table.tobytes())
+    assert record.height == 0.03
+    trace = record.trace(0)
+    assert trace.time.tolist() == [0.0, 0.002, 0.004]
+    assert trace.height.tolist() == [0.01, 0.02, 0.03]
+
+
+@pytest.mark.parametrize(
+    ("stands_at", "movement", "problems"),
+    [
+        (-0.7e-3, 0.0, ()),
+        (-3.0e-3, 0.0, ("it goes too far",)),
+        (3.0e-3, 0.0, ("it goes too far",)),
+        (-0.7e-3, 2e-4, ("it still moved once the run had ended",)),
+    ],
+)
+def test_a_kill_is_judged_by_where_the_arm_stands_afterwards(stands_at, movement, problems):
+    """The record ends 6 ms before the kill; `stands_at` is from the place of the tip at the kill."""
+    trace, event, speed = stop(9.0, 0.0, 1.0), 0.5, 0.02
+    last = trace.time <= event - 0.006
+    cut = BrakingTrace(trace.time[last], trace.height[last], trace.velocity[last])
+    height = 0.01 - speed * event + stands_at
+    found = measure_standstill(cut, event, speed, height, movement)
+    assert found.way == pytest.approx(abs(stands_at), abs=1e-5)
+    assert found.resolution == pytest.approx(0.006 + STEP, abs=1e-9)
+    (visit,) = (visit for visit in all_visits() if visit.name == "free-air/kill")
+    assert Outcome(visit, Allowed(0.08, 0.5), None, "", standstill=found).problems == problems
+
+
+def test_a_record_that_ends_long_before_the_kill_shows_nothing():
+    trace = stop(9.0, 0.0, 1.0)
+    with pytest.raises(MissedError, match=r"states around the stop at 1\.60 s are missing; they go to 1\.50 s"):
+        measure_standstill(trace, 1.6, 0.02, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"), [([], "bench"), (['device.arm.host="10.0.0.7"'], None), (['run.rehearsal="bench"'], None)]
+)
+def test_an_arm_at_the_address_of_a_twin_is_a_simulator(root, changes, name):
+    simulator = Simulator.of(load_pipeline(root / "pipelines" / "point_ur3e.toml", changes))
+    assert name == (None if simulator is None else simulator.name)
+
+
+def test_a_stop_that_a_simulator_lacks_is_refused(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(VirtualBench, "absent_stops", ("emergency",))
+    with pytest.raises(ConfigurationError, match="--step estop: the simulator bench has no such stop"):
+        call(["acceptance", str(root / "pipelines" / "point_ur3e.toml"), "--step", "estop"])
+
+
+def test_a_stop_that_a_simulator_lacks_stays_open_on_its_page():
+    safety = load_pipeline(PIPELINE).safety
+    simulator = Simulator("bench", ("emergency", "safeguard", "reflex"))
+    standstill = Standstill(0.02, 1e-3, 4e-3, 0.0)
+    outcomes = tuple(
+        Outcome(visit, Allowed(0.08, 0.5), None, "", standstill=standstill)
+        for visit in all_visits()
+        if not simulator.lacks(visit)
+    )
+    began = datetime(2026, 1, 2, tzinfo=UTC)
+    page = Acceptance("rig", "rig.toml", began, "1", {}, safety, outcomes, all_visits(), None, simulator)
+    text = page.text()
+    assert text.startswith("# Acceptance on a simulator of rig: passed in part")
+    stops = "free-air/estop, free-air/safeguard, free-air/reflex, foam/estop, foam/safeguard"
+    assert f"- not in the simulator, and open until they are done on the rig: {stops}\n" in text
+    assert "- not done" not in text
+    assert "signature: ___" in text
+    assert (page.table()["simulator"], page.table()["whole"]) == ("bench", False)

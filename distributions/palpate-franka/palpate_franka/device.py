@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from palpate import Force, Inertia, Length, Mass, RotationalStiffness, Stiffness, Torque
+from palpate import Force, Inertia, Length, Mass, RotationalStiffness, Stiffness, StopModes, Torque
 from palpate_arms.arm_device import ArmDevice
 from palpate_kit.kinematics.arm_model import ArmModel
 from pydantic import Field
 
 from palpate_franka.models import JOINTS, MODELS, POSTURE
-from palpate_franka.robot_states import MOVES
+from palpate_franka.robot_states import LOCKED, MOVES, REFLEX, USER_STOP
 
 if TYPE_CHECKING:
     from palpate_arms.arm_driver import ArmDriver
@@ -80,6 +80,11 @@ class Franka(ArmDevice):
     def arm_model(self) -> ArmModel:
         """That of its type."""
         return MODELS[self.model]
+
+    @property
+    def stop_modes(self) -> StopModes:
+        """By its mode: an emergency stop locks the joints, or is the user stop. One program at a time is served."""
+        return StopModes("robot_mode", (LOCKED, USER_STOP), (USER_STOP,), (REFLEX,), single_connection=True)
 
     @property
     def command_lag(self) -> float:

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 _NONE = "[]"  # how the client library writes no errors
-IDLE, MOVES, REFLEX = 1, 2, 4
+LOCKED, IDLE, MOVES, REFLEX, USER_STOP = 0, 1, 2, 4, 5
 MODES = {
-    0: "its joints are locked or it is not ready: unlock the joints and activate FCI in Desk",
+    LOCKED: "its joints are locked or it is not ready: unlock the joints and activate FCI in Desk",
     IDLE: "idle",
     MOVES: "in motion",
     3: "a person guides it: let go of its buttons",
     REFLEX: "in a reflex",
-    5: "the user stop is pressed: release it",
+    USER_STOP: "the user stop is pressed: release it",
     6: "it recovers from an error",
 }
 MEANINGS = {

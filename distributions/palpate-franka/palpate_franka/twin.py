@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import ClassVar
 
 from palpate import ConfigurationError, HoldUp, SimulatedTwin, Stiffness, UserError
 from palpate_simulation.twins.bench import VirtualBench
@@ -24,6 +25,8 @@ class FrankaBench(BenchSettings):
     for which it needs a core to itself. `palpate rehearse FILE` takes palpate's own arm in its place, in simulated
     time. The simulator has no reflexes, no Desk, no user stop and no thresholds. On a rig the table is ignored.
     """
+
+    absent_stops: ClassVar[tuple[str, ...]] = ("emergency", "safeguard", "reflex")
 
     stiffness: Stiffness = Field(default=5000.0, gt=0, description="of the arm's impedance, in a rehearsal")
 

@@ -37,12 +37,15 @@ AIR = 3e-3  # [m] over the work frame, where nothing is felt
 MOST_BEHIND = 0.5  # [s] that are not made up for
 PAUSE = 1e-4  # [s] that a process at real-time priority sleeps at times, or the system ends it
 HAND_SPEED = 0.3  # [rad/s] of the joints, where a hand leads the arm
+HAND_LETS_GO = 0.1  # [s] after which a hand lets go of an arm that stands where it began
 COMMANDS = {
     "truth": "what the arm did since the last mark, in SI, as JSON",
     "mark": "forget what it did so far",
     "silent": "the controller sends and takes nothing more, and holds the arm",
     "mode NAME ERRORS": "the controller ends the motion with a mode, such as `mode kReflex 7`, until a recovery",
     "lead X Y Z A B C": "a hand leads the tip to a place [mm], its tool turned by a vector [deg]",
+    "unplug": "the sensor's cable is pulled",
+    "restore": "the cable is put back, the controller sends again, and a hand leads the tip to where it began",
     "quit": "end",
 }
 
@@ -81,6 +84,7 @@ class SimulatedRig:
         self._looks = self._done = False
         self._held: Floats | None = None  # joints at which the link was lost
         self._hand: tuple[Floats, Floats] | None = None  # joints at which a hand has the arm, and to which it leads
+        self._start: Floats = np.array(joints)
 
     def end(self, *_: Any) -> None:
         """Let `run` return."""
@@ -192,9 +196,13 @@ class SimulatedRig:
         if name == "mark":
             self.record.mark()
         elif name == "silent":
-            self._held = self._sim.data.qpos[:7].copy()
+            self._held = self._joints
         elif name == "lead":
             self._lead(*map(float, arguments))
+        elif name == "unplug":
+            self._sensor.unplug()
+        elif name == "restore":
+            self._restore()
         elif name == "mode":
             enter_mode(self._control, arguments[0], arguments[1:])
         elif name not in ("truth", "quit"):
@@ -202,14 +210,31 @@ class SimulatedRig:
 
     def _lead(self, x: float, y: float, z: float, *turn: float) -> None:
         """Let a hand lead the tip to a place [mm] in the work frame, the tool turned from its by a vector [deg]."""
-        joints, place = self._sim.data.qpos[:7].copy(), np.array([x, y, z]) / 1e3
-        goal = joints_of(self._bench, self._model, place, joints, np.radians(turn).tolist())
-        self._hand, self.record.stands = (joints, goal), 0.0
+        place = np.array([x, y, z]) / 1e3
+        self._lead_to(joints_of(self._bench, self._model, place, self._joints, np.radians(turn).tolist()))
+
+    def _restore(self) -> None:
+        """Put cable and link back, and let a hand lead an arm that no program moves to where it began."""
+        self._sensor.restore()
+        self._held = None
+        if not self._control.current_motion_id:
+            self._lead_to(self._start)
+
+    @property
+    def _joints(self) -> Floats:
+        return self._sim.data.qpos[:7].copy()
+
+    def _lead_to(self, goal: Floats) -> None:
+        self._hand, self.record.stands = (self._joints, goal), 0.0
 
     def _follow_hand(self, joints: Floats, goal: Floats) -> None:
-        """Go a step towards where a hand leads the arm."""
-        self._hand = joints + np.clip(goal - joints, -HAND_SPEED * STEP, HAND_SPEED * STEP), goal
-        self._robot.joint_position_control(self._hand[0])
+        """Go a step towards where a hand leads the arm; where it began, the hand lets go."""
+        joints = joints + np.clip(goal - joints, -HAND_SPEED * STEP, HAND_SPEED * STEP)
+        self._hand = joints, goal
+        self._robot.joint_position_control(joints)
+        if goal is self._start and self.record.stands > HAND_LETS_GO:
+            self._hand = None
+            self._control.stop_motion(send_preemption_signal=False)  # the controller holds it there
 
 
 def joints_of(

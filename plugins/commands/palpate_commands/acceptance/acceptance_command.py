@@ -18,11 +18,13 @@ from palpate_kit.terminal.table import Table, console
 from pydantic import TypeAdapter, ValidationError
 
 from palpate_commands.acceptance.job import ProcessJob
-from palpate_commands.acceptance.observer import WatchedArm
+from palpate_commands.acceptance.outcome import Outcome
 from palpate_commands.acceptance.page import Acceptance, row_of
-from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol, Outcome
+from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol
+from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import STEPS, Visit, all_visits
 from palpate_commands.acceptance.strokes import demand_limits
+from palpate_commands.acceptance.watched_arm import WatchedArm
 
 PAGE = "acceptance.md"
 _FORCE = TypeAdapter(Force)
@@ -44,10 +46,10 @@ def acceptance(
 ) -> None:
     """Stop this very rig in every way, in free air, then on foam; compare it with [safety]; write a page to sign.
 
-    The arm makes strokes within the limits of [safety], watched by a second connection. Emergency stop, safeguard and
-    the sensor's cable are a person's; Ctrl-C, kill, SIGSTOP and the force are not. For the pipeline in the folder of a
-    rehearsal all but the signals is done in simulated time. Exit code 1 where a stop is later, softer or longer than
-    declared.
+    The arm makes strokes within the limits of [safety], watched by a second connection, or recorded by the run where
+    the controller serves one program. Emergency stop, safeguard, reflex and the sensor's cable are a person's; Ctrl-C,
+    kill, SIGSTOP and the force are not. For the pipeline in the folder of a rehearsal all but the signals is done in
+    simulated time. Exit code 1 where a stop is later, softer or longer than declared.
     """
     pipeline = load_pipeline(file, overrides or [])
     limits, visits = demand_limits(pipeline), _visits(step or [], pipeline)
@@ -103,6 +105,8 @@ def _acceptance(
         tuple(outcomes),
         _able(pipeline),
         pipeline.run.rehearsal,
+        Simulator.of(pipeline),
+        WatchedArm.of(pipeline).modes.single_connection,
         pipeline.looser_limits,
     )
 
@@ -136,17 +140,22 @@ def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
 def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
     """The steps by name, in the protocol's order; raises ConfigurationError.
 
-    Without names all that this robot reports, and in a rehearsal all without signals.
+    Without names all that this robot reports, of a simulator all that it has, and in a rehearsal all without signals.
     """
-    able = _able(pipeline)
+    able, simulator = _able(pipeline), Simulator.of(pipeline)
     every = able if pipeline.run.rehearsal is None else tuple(visit for visit in able if visit.step.number is None)
+    if simulator is not None:
+        every = tuple(visit for visit in able if not simulator.lacks(visit))
     for name in names:
         if not any(map(partial(_is_called, name), all_visits())):
             raise ConfigurationError(f"--step {name}: no such step{suggest(name, STEPS)}")
         if not any(map(partial(_is_called, name), able)):
             raise ConfigurationError(f"--step {name}: this robot does not report that stop")
         if not any(map(partial(_is_called, name), every)):
-            raise ConfigurationError(f"--step {name}: a signal needs the process of a run: it is not rehearsed")
+            absent = "a signal needs the process of a run: it is not rehearsed"
+            if simulator is not None:
+                absent = f"the simulator {simulator.name} has no such stop"
+            raise ConfigurationError(f"--step {name}: {absent}")
     chosen = tuple(visit for visit in every if any(_is_called(name, visit) for name in names))
     return chosen if names else every
 

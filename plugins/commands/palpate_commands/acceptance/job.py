@@ -40,6 +40,11 @@ class StrokesJob(ABC):
     def is_running(self) -> bool:
         """Whether its main process is there."""
 
+    @property
+    @abstractmethod
+    def has_processes(self) -> bool:
+        """True as long as any of its processes is there."""
+
     @abstractmethod
     def send(self, number: signal.Signals, group: bool = False) -> None:
         """A signal to its main process, or to all of its processes."""
@@ -87,6 +92,17 @@ class ProcessJob(StrokesJob):
     def is_running(self) -> bool:
         """Whether its main process is there."""
         return self._process.poll() is None
+
+    @property
+    def has_processes(self) -> bool:
+        """True as long as any process of its group is there."""
+        if self.is_running:
+            return True
+        try:
+            os.killpg(self._process.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
 
     def send(self, number: signal.Signals, group: bool = False) -> None:
         """A signal to its main process, or to all of its processes."""

@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats
 
 _BEFORE = 0.03  # [s] over which a speed is averaged
+_STATES = 3  # in that time, from which a speed is known
 _STEADY = 0.7  # of the speed of the strokes: slower ones show nothing
 _TURN = 0.15  # of the speed of the strokes: so much it changes at a turn within three times _BEFORE, or none is left
 _HIGH, _LOW = 0.8, 0.2  # of the speed, between which braking is measured
@@ -54,13 +55,10 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
     Braking is taken as even: it begins where the line through the times at 0.8 and 0.2 of the speed meets the speed.
     """
     time, step = trace.time, float(np.median(np.diff(trace.time)))
-    before = (time > event - _BEFORE) & (time <= event)
-    if np.count_nonzero(before) < 3 or time[-1] < event + _BEFORE:
-        raise MissedError(f"the arm's states around the stop at {event:.2f} s are missing; they go to {time[-1]:.2f} s")
-    signed = float(trace.velocity[before].mean())
-    speed, direction = abs(signed), float(np.sign(signed))
-    if speed < _STEADY * planned:
-        raise _too_slow(trace, event, signed, planned)
+    if time[-1] < event + _BEFORE:
+        raise _missing(trace, event)
+    velocity = _velocity_before(trace, event, planned)
+    speed, direction = abs(velocity), float(np.sign(velocity))
     if inwards and direction > 0:
         raise MissedError("the arm was on its way up just then")
     along = np.convolve(direction * trace.velocity, np.full(_SMOOTH, 1 / _SMOOTH), "same")
@@ -87,6 +85,48 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
         share * speed / max(took - step, step / 2),
         max(way, 0.0),
         step,
+    )
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Where an arm stood after a run whose record of states ended with the event, such as its kill."""
+
+    speed: float  # [m/s] until the event
+    way: float  # [m] from the event to where the tip stood when the arm was connected to again
+    resolution: float  # [s] from the last recorded state to the event, and between two states
+    movement: float  # [m] by which the tip still moved then
+
+
+def measure_standstill(trace: BrakingTrace, event: float, planned: float, height: float, movement: float) -> Standstill:
+    """Return the way from an event [s] that ended a record to a height [m] found later; raises MissedError.
+
+    From the last state to the event the tip goes on at its speed. States after the event count as well: the way is the
+    farthest that any of them shows.
+    """
+    velocity = _velocity_before(trace, event, planned)
+    last = int(np.flatnonzero(trace.time <= event)[-1])
+    gap = event - float(trace.time[last])
+    place = float(trace.height[last]) + velocity * gap
+    ways = np.sign(velocity) * (np.append(trace.height[last + 1 :], height) - place)
+    spacing = float(np.median(np.diff(trace.time)))
+    return Standstill(abs(velocity), max(float(ways.max()), abs(float(ways[-1]))), gap + spacing, movement)
+
+
+def _velocity_before(trace: BrakingTrace, event: float, planned: float) -> float:
+    """Return the mean velocity [m/s] until an event [s]; raises MissedError where that is no stroke's."""
+    before = (trace.time > event - _BEFORE) & (trace.time <= event)
+    if np.count_nonzero(before) < _STATES:
+        raise _missing(trace, event)
+    velocity = float(trace.velocity[before].mean())
+    if abs(velocity) < _STEADY * planned:
+        raise _too_slow(trace, event, velocity, planned)
+    return velocity
+
+
+def _missing(trace: BrakingTrace, event: float) -> MissedError:
+    return MissedError(
+        f"the arm's states around the stop at {event:.2f} s are missing; they go to {trace.time[-1]:.2f} s"
     )
 
 

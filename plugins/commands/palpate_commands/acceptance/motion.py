@@ -8,29 +8,41 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
-from palpate import Batch, Estimates, PalpateError, Samples
-from palpate_engine import Pipeline, Ports, inherited_approval, load_pipeline, run_pipeline
+from numpy.typing import NDArray
+from palpate import Batch, Estimates, Floats, PalpateError, Samples
+from palpate_engine import Pipeline, inherited_approval, load_pipeline, run_pipeline
 
 from palpate_commands.acceptance.strokes import Strokes, strokes_pipeline
-from palpate_commands.acceptance.strokes_run import READING, READINGS, RUN, StrokesRun
+from palpate_commands.acceptance.strokes_run import FORCE, RUN, StrokesRun, row_type
+from palpate_commands.acceptance.watched_arm import WatchedArm
 
 
-class ForceRecord:
-    """Readings of the force as they come (a Writer): nothing is kept back, for the process may be killed."""
+class StrokesRecord:
+    """Readings of the force and states of the arm as they come (a Writer); unbuffered, as the process may be killed.
 
-    def __init__(self, file: BinaryIO, ports: Ports) -> None:
-        self._file, self._port = file, ports["force"]
+    States are recorded of an arm that no second connection can watch.
+    """
+
+    def __init__(self, pipeline: Pipeline, run: StrokesRun, files: ExitStack) -> None:
+        self._port, self._arm = pipeline.ports["force"], WatchedArm.of(pipeline)
+        names = (FORCE, *(self._arm.streams if self._arm.modes.single_connection else ()))
+        self._files = {name: files.enter_context(run.record(name).open("wb", buffering=0)) for name in names}
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Append the force's readings."""
+        """Append readings and states."""
         if (device, batch.stream) == self._port.key:
-            rows = np.empty(len(batch.time), READING)
-            rows["time"], rows["force"] = batch.time, batch.values[:, self._port.column]
-            self._file.write(rows.tobytes())
+            self._append(FORCE, batch.time, batch.values[:, self._port.column, None])
+        if device == self._arm.name and batch.stream in self._files:
+            self._append(batch.stream, batch.time, batch.values)
+
+    def _append(self, name: str, time: NDArray[np.int64], values: Floats) -> None:
+        rows = np.empty(len(time), row_type(values.shape[1]))
+        rows["time"], rows["values"] = time, values
+        self._files[name].write(rows.tobytes())
 
     def samples(self, samples: Samples) -> None:
         """Not used here."""
@@ -56,8 +68,9 @@ def main(arguments: Sequence[str]) -> int:
 def make_strokes(pipeline: Pipeline, run: StrokesRun) -> None:
     """Make the strokes within the limits of a pipeline; raises PalpateError where they were stopped."""
     of_strokes = strokes_pipeline(pipeline, run.strokes, run.stop_force)
-    with (run.folder / READINGS).open("wb", buffering=0) as file:
-        result = run_pipeline(of_strokes, run.folder / RUN, observer=ForceRecord(file, of_strokes.ports))
+    with ExitStack() as files:
+        record = StrokesRecord(of_strokes, run, files)
+        result = run_pipeline(of_strokes, run.folder / RUN, observer=record)
     result.demand_whole()
 
 

@@ -1,99 +1,43 @@
-"""A second pair of eyes: the arm's states by a connection of its own, which lives whatever becomes of the run."""
+"""The arm's states as the protocol sees them: by a second connection, or as the run itself records them."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from palpate import (
-    Batch,
-    ConfigurationError,
-    Device,
-    DeviceError,
-    Link,
-    Observable,
-    ReportsHealth,
-    ReportsStops,
-    StopModes,
-    clock,
-    host_time_ns,
-)
-from palpate_engine import Pipeline, own_motions
+from palpate import Batch, DeviceError, Link, Observable, ReportsHealth, clock, host_time_ns
 
 from palpate_commands.acceptance.measurement import BrakingTrace, MissedError
+from palpate_commands.acceptance.strokes_run import StrokesRun, row_type
+from palpate_commands.acceptance.watched_arm import WatchedArm
 
 _Z = 2  # column of the normal
 _RECENT = 8  # states
+_LOOK = 0.004  # [s] between looks at an arm that was connected to again
+_REST = 0.5  # [s] of such looks, which show whether it stands
 
 
-@dataclass(frozen=True)
-class WatchedArm:
-    """A robot that can be listened to while a run commands it, and where its states are."""
+class Observer(ABC):
+    """States of an arm as they come."""
 
-    name: str
-    device: Device
-    pose: str
-    twist: str
-    status: str
-    mode: int  # column of the mode that reports its stops
-    modes: StopModes
+    failure: str | None = None
 
-    @classmethod
-    def of(cls, pipeline: Pipeline) -> WatchedArm:
-        """The one robot of a pipeline; raises ConfigurationError."""
-        names = list(own_motions(pipeline.devices))
-        if len(names) != 1:
-            raise ConfigurationError(f"{pipeline.path}: expected one robot, not {len(names)} ({', '.join(names)})")
-        device = pipeline.devices[names[0]]
-        layouts = {stream.layout: stream.name for stream in device.streams}
-        modes = device.stop_modes if isinstance(device, ReportsStops) else None
-        columns = [
-            (stream.name, [channel.name for channel in stream.channels].index(modes.channel))
-            for stream in device.streams
-            if modes is not None and modes.channel in [channel.name for channel in stream.channels]
-        ]
-        sound = device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys()
-        if modes is None or not (sound and columns):
-            raise ConfigurationError(
-                f"{pipeline.path}: [device.{names[0]}] cannot be watched while a run moves it: a live robot whose "
-                "pose, twist and stops a second connection can observe is needed"
-            )
-        return cls(names[0], device, layouts["pose"], layouts["twist"], *columns[0], modes)
+    def __init__(self, arm: WatchedArm) -> None:
+        self._arm = arm
+        self._states: dict[str, list[Batch]] = {stream: [] for stream in arm.streams}
 
-
-class Observer:
-    """States of an arm as they come, from a thread."""
-
-    def __init__(self, arm: WatchedArm, link: Link) -> None:
-        self._arm, self._link = arm, link
-        self._kept: dict[str, list[Batch]] = {arm.pose: [], arm.twist: [], arm.status: []}
-        self._ending = clock().event()
-        self.failure: str | None = None
-        self._thread = clock().thread(self._listen, "observer")
-        self._thread.start()
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._ending.set()
-        self._thread.join(2.0)
-
-    def _listen(self) -> None:
-        try:
-            for batch in self._link.batches():
-                if batch.stream in self._kept and len(batch.time):
-                    self._kept[batch.stream].append(batch)
-                if self._ending.is_set():
-                    return
-        except DeviceError as error:
-            self.failure = str(error)
+    @abstractmethod
+    def _batches(self, stream: str) -> list[Batch]:
+        """Return all of a stream's batches so far, none of them empty."""
 
     @property
     def health(self) -> dict[str, object]:
         """What the robot says of itself."""
-        return dict(self._link.health) if isinstance(self._link, ReportsHealth) else {}
+        return {}
 
     @property
     def height(self) -> float:
@@ -103,7 +47,7 @@ class Observer:
     @property
     def velocity(self) -> float:
         """Outwards [m/s], the mean of the latest states."""
-        recent = self._kept[self._arm.twist][-_RECENT:]
+        recent = self._batches(self._arm.twist)[-_RECENT:]
         if not recent:
             return 0.0
         return float(np.concatenate([batch.values[-_RECENT:, _Z] for batch in recent])[-_RECENT:].mean())
@@ -116,7 +60,7 @@ class Observer:
     @property
     def lag(self) -> float:
         """How long ago [s] the latest state was; 0 before there is one."""
-        batches = self._kept[self._arm.pose]
+        batches = self._batches(self._arm.pose)
         return (host_time_ns() - int(batches[-1].time[-1])) / 1e9 if batches else 0.0
 
     @property
@@ -126,7 +70,7 @@ class Observer:
         return int(found) if np.isfinite(found) else 0
 
     def _latest(self, stream: str, column: int) -> float:
-        batches = self._kept[stream]
+        batches = self._batches(stream)
         return float(batches[-1].values[-1, column]) if batches else float("nan")
 
     def trace(self, origin: int) -> BrakingTrace:
@@ -138,9 +82,9 @@ class Observer:
         count = min(len(pose), len(twist))  # they come one after the other
         return BrakingTrace(time[:count], pose[:count, _Z], twist[:count, _Z])
 
-    def mode_change(self, origin: int, stop: Literal["emergency", "safeguard"]) -> float:
+    def mode_change(self, origin: int, stop: Literal["emergency", "safeguard", "reflex"]) -> float:
         """When [s] the mode first reported a stop; raises MissedError where it never did."""
-        modes = self._arm.modes.emergency if stop == "emergency" else self._arm.modes.safeguard
+        modes = getattr(self._arm.modes, stop)
         time, status = self._joined(self._arm.status, origin)
         found = status[:, self._arm.mode].astype(int)
         there = np.flatnonzero(np.isin(found, modes))
@@ -150,7 +94,7 @@ class Observer:
         return float(time[there[0]])
 
     def _joined(self, stream: str, origin: int) -> tuple[np.ndarray, np.ndarray]:
-        batches = list(self._kept[stream])
+        batches = list(self._batches(stream))
         if not batches:
             raise MissedError(self.failure or "the arm sent no states")
         times = np.concatenate([batch.time for batch in batches])
@@ -158,13 +102,108 @@ class Observer:
         return (times - origin) / 1e9, values
 
 
+class SecondConnection(Observer):
+    """States by a connection of its own, from a thread: it lives whatever becomes of the run."""
+
+    def __init__(self, arm: WatchedArm, link: Link) -> None:
+        super().__init__(arm)
+        self._link = link
+        self._ending = clock().event()
+        self._thread = clock().thread(self._listen, "observer")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._ending.set()
+        self._thread.join(2.0)
+
+    def _listen(self) -> None:
+        try:
+            for batch in self._link.batches():
+                if batch.stream in self._states and len(batch.time):
+                    self._states[batch.stream].append(batch)
+                if self._ending.is_set():
+                    return
+        except DeviceError as error:
+            self.failure = str(error)
+
+    def _batches(self, stream: str) -> list[Batch]:
+        return self._states[stream]
+
+    @property
+    def health(self) -> dict[str, object]:
+        """What the robot says of itself."""
+        return dict(self._link.health) if isinstance(self._link, ReportsHealth) else {}
+
+
+class RunRecord(Observer):
+    """States that a run writes to disk as they come: all that there is of an arm whose controller serves one program.
+
+    A run that is killed leaves those until then; one that stands still writes those of meanwhile when it goes on.
+    """
+
+    def __init__(self, arm: WatchedArm, run: StrokesRun) -> None:
+        super().__init__(arm)
+        self._run = run
+        self._bytes_read = dict.fromkeys(arm.streams, 0)
+
+    def _batches(self, stream: str) -> list[Batch]:
+        """Return all batches of a stream, after those that were written since the last call were read."""
+        states, layout = self._states[stream], row_type(self._arm.columns(stream))
+        with suppress(FileNotFoundError), self._run.record(stream).open("rb") as file:  # the run has not begun
+            file.seek(self._bytes_read[stream])
+            data = file.read()
+            rows = np.frombuffer(data[: len(data) // layout.itemsize * layout.itemsize], layout)
+            self._bytes_read[stream] += rows.nbytes
+            if len(rows):
+                states.append(Batch(stream, rows["time"], rows["time"], rows["values"]))
+        return states
+
+    @property
+    def health(self) -> dict[str, object]:
+        """What the robot said of itself to the run; nothing of one that was killed."""
+        return dict((self._run.live_facts.get("devices") or {}).get(self._arm.name, {}))
+
+
 @contextmanager
 def observed(arm: WatchedArm, seed: int) -> Iterator[Observer]:
-    """The arm's states for as long as the context lives; raises DeviceError."""
+    """Return the arm's states by a second connection, as long as the context lives; raises DeviceError."""
     assert isinstance(arm.device, Observable)
     with arm.device.observe(seed) as link:
-        observer = Observer(arm, link)
+        observer = SecondConnection(arm, link)
         try:
             yield observer
         finally:
             observer.close()
+
+
+def observed_run(arm: WatchedArm, seed: int, run: StrokesRun) -> AbstractContextManager[Observer]:
+    """Return the arm's states while a run moves it; raises DeviceError."""
+    return nullcontext(RunRecord(arm, run)) if arm.modes.single_connection else observed(arm, seed)
+
+
+@dataclass(frozen=True)
+class StateAfterRun:
+    """State of an arm that was connected to again once a run had ended."""
+
+    height: float  # [m] of the tip in the work frame
+    movement: float  # [m] by which the tip still moved while it was watched
+    mode: int
+
+
+def state_after_run(arm: WatchedArm, seed: int) -> StateAfterRun:
+    """Connect again and watch the arm for a while; raises MissedError if that brings no states."""
+    heights: list[float] = []
+    try:
+        with observed(arm, seed) as observer:
+            deadline = clock().now() + _REST
+            while clock().now() < deadline:
+                clock().sleep(_LOOK)
+                heights.append(observer.height)
+            mode, failure = observer.mode, observer.failure
+    except DeviceError as error:
+        raise MissedError(f"no connection after the run: {error}") from error
+    known = [height for height in heights if np.isfinite(height)]
+    if not known:
+        raise MissedError(failure or "the arm sent no states after the run")
+    return StateAfterRun(known[-1], max(known) - min(known), mode)

@@ -9,7 +9,9 @@ from typing import Any
 
 from palpate_engine import SafetySettings
 
-from palpate_commands.acceptance.protocol import Outcome
+from palpate_commands.acceptance.measurement import Braking, Standstill
+from palpate_commands.acceptance.outcome import Allowed, Outcome
+from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import Visit
 
 SCHEMA = 1
@@ -19,6 +21,10 @@ _LIMITS = (
     "`[safety]` and all that palpate does are limits of a program: not a safety function, and without a performance "
     "level: what protects people is the robot's own safety system, its emergency stop and the safeguard. This page "
     "says what was measured once, at these speeds and in this posture; it is not a declaration of conformity."
+)
+_RECORDED = (
+    "The controller serves one program: the states are those that the run recorded. The record of a run that was "
+    "killed ends there, so that its way is that to where the tip stood when the arm was connected to again."
 )
 
 
@@ -35,6 +41,8 @@ class Acceptance:
     outcomes: tuple[Outcome, ...]
     steps: tuple[Visit, ...]  # of the whole protocol, on this robot
     rehearsal: str | None = None  # the twin of one that was not made on the rig
+    simulator: Simulator | None = None  # in the arm's place
+    single_connection: bool = False  # True: the states are those that the run recorded
     looser_limits: tuple[str, ...] = ()  # than those of the base of the pipeline, a sentence each
 
     @property
@@ -98,6 +106,7 @@ class Acceptance:
             "verdict": self.verdict,
             "whole": self.is_whole,
             "rehearsal": self.rehearsal,
+            "simulator": None if self.simulator is None else self.simulator.name,
             "robot": {key: value for key, value in self.identity.items() if key in _IDENTITY},
             "declared": {key: getattr(self.limits, key) for key in declared}
             | {"reaction": self.limits.prompt_reaction},
@@ -111,10 +120,14 @@ class Acceptance:
 
     def _head(self) -> Iterator[str]:
         what = "Acceptance" if self.rehearsal is None else "Rehearsal of the acceptance"
-        yield f"# {what} of {self.name}: {self.verdict}"
+        where = "" if self.simulator is None else " on a simulator"
+        yield f"# {what}{where} of {self.name}: {self.verdict}"
         if self.rehearsal is not None:
             yield ""
             yield f"In simulated time, on the twin {self.rehearsal}: nothing real has moved; this is nothing to sign."
+        if self.simulator is not None:
+            yield ""
+            yield f"The arm is the twin {self.simulator.name}, in software: what stops it says nothing about a rig."
         yield ""
         yield f"{self.began:%Y-%m-%d %H:%M %Z}, palpate {self.version}, `{self.file}`"
         yield ""
@@ -125,8 +138,12 @@ class Acceptance:
             yield "- safety checksum on the pendant: ______________ (`safety_checksum` of the device is not stated)"
         yield ""
         yield from (f"- {line}" for line in (*self.looser_limits, *self._obedience(), *self.worst()))
-        if not self.is_whole:
-            missing = [v.name for v in self.steps if v.name not in {o.visit.name for o in self.outcomes}]
+        absent = [visit.name for visit in self.steps if self.simulator is not None and self.simulator.lacks(visit)]
+        missing = {visit.name: None for visit in self.steps if visit.name not in absent}
+        missing = [name for name in missing if name not in {outcome.visit.name for outcome in self.outcomes}]
+        if absent:
+            yield f"- not in the simulator, and open until they are done on the rig: {', '.join(absent)}"
+        if missing:
             yield f"- not done: {', '.join(missing)}"
         yield ""
 
@@ -146,6 +163,9 @@ class Acceptance:
             "spacing of the robot's states."
         )
         yield ""
+        if self.single_connection:
+            yield _RECORDED
+            yield ""
         yield "What the run reported:"
         yield ""
         yield from (f"- {outcome.visit.name}: {outcome.told or 'nothing: it was killed'}" for outcome in self.outcomes)
@@ -156,7 +176,7 @@ class Acceptance:
 
 def row_of(outcome: Outcome) -> tuple[str, ...]:
     """A step as texts, each number with what is declared."""
-    visit, found, allowed = outcome.visit, outcome.braking, outcome.allowed
+    visit, stop, found, allowed = outcome.visit, outcome.stop, outcome.braking, outcome.allowed
     verdict = "; ".join(outcome.problems) or "passed"
     if (late := outcome.force_delay) is not None:
         times = f"{1e3 * late.value:.0f} ({1e3 * allowed.reaction:.0f})"
@@ -165,10 +185,10 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
         return (
             visit.name,
             visit.step.what,
-            "",
+            "" if stop is None else f"{1e3 * stop.speed:.1f}",
             f"({1e3 * allowed.reaction:.0f})",
             f"({allowed.deceleration:g})",
-            "",
+            "" if stop is None else _way(stop, allowed),
             verdict,
         )
     at_least = "" if found.deceleration_most < 1.5 * found.deceleration else "> "
@@ -178,15 +198,18 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
         f"{1e3 * found.speed:.1f}",
         f"{1e3 * found.reaction:.0f} ({1e3 * allowed.reaction:.0f})",
         f"{at_least}{found.deceleration:.2f} ({allowed.deceleration:g})",
-        f"{1e3 * found.way:.2f} ({1e3 * allowed.way(found.speed):.2f})",
+        _way(found, allowed),
         verdict,
     )
 
 
+def _way(stop: Braking | Standstill, allowed: Allowed) -> str:
+    return f"{1e3 * stop.way:.2f} ({1e3 * allowed.way(stop.speed):.2f})"
+
+
 def _step(outcome: Outcome) -> dict[str, Any]:
-    found = outcome.braking or outcome.force_delay
-    braking = outcome.braking
-    declared = asdict(outcome.allowed) | ({} if braking is None else {"way": outcome.allowed.way(braking.speed)})
+    found, stop = outcome.stop or outcome.force_delay, outcome.stop
+    declared = asdict(outcome.allowed) | ({} if stop is None else {"way": outcome.allowed.way(stop.speed)})
     return {
         "name": outcome.visit.name,
         "what": outcome.visit.step.what,

@@ -14,17 +14,18 @@ from palpate_engine import Pipeline, SafetySettings, check_own_motion, own_motio
 
 from palpate_commands.acceptance.job import StrokesJob
 from palpate_commands.acceptance.measurement import (
-    Braking,
-    ForceDelay,
     MissedError,
     first_beyond,
     measure_braking,
     measure_force_delay,
+    measure_standstill,
 )
-from palpate_commands.acceptance.observer import Observer, WatchedArm, observed
+from palpate_commands.acceptance.observer import Observer, StateAfterRun, observed_run, state_after_run
+from palpate_commands.acceptance.outcome import STANDSTILL_MOVEMENT, Allowed, Outcome
 from palpate_commands.acceptance.steps import AcceptanceStep, Visit
 from palpate_commands.acceptance.strokes import Strokes, demand_limits, plan_strokes, strokes_pipeline
 from palpate_commands.acceptance.strokes_run import StrokesRun
+from palpate_commands.acceptance.watched_arm import WatchedArm
 
 _LOOK = 0.004  # [s]
 _ATTEMPTS = 4
@@ -32,49 +33,8 @@ _START = 60.0  # [s] until a run moves
 _REST = 0.5  # [s] without motion after which the arm stands
 _LONGEST = 10.0  # [s] for an arm to come to rest
 _MARGIN = 0.25  # [s] of straight way beyond the time that is allowed, where there is so much
-_STILL = 1e-4  # [m]
 _LATE = 0.2  # [s] of states, with which no stroke can be hit
 _STEADY = 0.75  # of the speed of the strokes: on a busy computer they are slower
-
-
-@dataclass(frozen=True)
-class Allowed:
-    """What `[safety]` and the devices declare for a step."""
-
-    reaction: float  # [s]
-    deceleration: float  # [m/s^2]
-
-    def way(self, speed: float) -> float:
-        """From the event to the end of braking [m]: v tau + v^2/2a."""
-        return speed * self.reaction + speed**2 / (2 * self.deceleration)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a step showed."""
-
-    visit: Visit
-    allowed: Allowed
-    braking: Braking | None  # None where nothing could be measured
-    told: str  # what the run gave as its reason, or why nothing was measured
-    force_delay: ForceDelay | None = None  # of the force, where that was what the step was for
-    answers: tuple[Mapping[str, float], ...] = ()  # of the arm to its first commands, [m]
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """What of it is worse than declared; the spacing of the states is left out of account."""
-        found, allowed = self.braking, self.allowed
-        if self.force_delay is not None:
-            late = self.force_delay.value - 2.0 * self.force_delay.std > allowed.reaction
-            return ("the force comes later than declared",) if late else ()
-        if found is None:
-            return ("not measured",)
-        verdicts = (
-            (found.reaction > allowed.reaction + found.resolution, "braking begins too late"),
-            (found.deceleration_most < allowed.deceleration, "it brakes too softly"),
-            (found.way > allowed.way(found.speed) + found.speed * found.resolution, "it goes too far"),
-        )
-        return tuple(text for wrong, text in verdicts if wrong)
 
 
 @dataclass(frozen=True)
@@ -176,19 +136,40 @@ class AcceptanceProtocol:
         self._runs += 1
         folder = self._folder / f"{self._runs:02d}-{visit.name.replace('/', '-')}"
         strokes, origin = self._strokes(visit), host_time_ns()
+        run = StrokesRun(folder, strokes, self._force_of(visit))
         with (
-            observed(self._arm, self._pipeline.run.seed) as observer,
-            self._start(StrokesRun(folder, strokes, self._force_of(visit))) as job,
+            observed_run(self._arm, self._pipeline.run.seed, run) as observer,
+            self._start(run) as job,
         ):
-            self.identity = self.identity or observer.health
-            event = self._stopped(visit, observer, job, strokes, origin)
+            try:
+                event = self._stopped(visit, observer, job, strokes, origin)
+            finally:
+                self.identity = self.identity or observer.health
             trace = observer.trace(origin)
             if not visit.step.stops:
                 found = measure_force_delay(trace, *self._tared(job, origin))
                 return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found, self._answers(job))
             event = self._event_of(visit, observer, job, origin) if event is None else event
+            after = self._state_after(visit, job)
+            report = "; ".join(filter(None, (self._told(job), self._place(after))))
+            if after is not None and visit.step.number == signal.SIGKILL:
+                standstill = measure_standstill(trace, event, strokes.speed, after.height, after.movement)
+                return Outcome(visit, allowed, None, report, standstill=standstill)
             braking = measure_braking(trace, event, strokes.speed, visit.step.leaves)
-            return Outcome(visit, allowed, braking, self._told(job), answers=self._answers(job))
+            return Outcome(visit, allowed, braking, report, answers=self._answers(job))
+
+    def _state_after(self, visit: Visit, job: StrokesJob) -> StateAfterRun | None:
+        """Return the arm's state by a connection after a run that could not record all of its states, else None."""
+        if not (self._arm.modes.single_connection and visit.step.interrupts_record):
+            return None
+        self._wait(lambda: not job.has_processes, _LONGEST)  # one of them has the connection
+        return state_after_run(self._arm, self._pipeline.run.seed)
+
+    def _place(self, after: StateAfterRun | None) -> str:
+        if after is None:
+            return ""
+        state = f"{self._arm.modes.channel} {after.mode}"
+        return f"connected to again, the tip is at {1e3 * after.height:.1f} mm, {state}"
 
     def _answers(self, job: StrokesJob) -> tuple[Mapping[str, float], ...]:
         """What the arm has answered to its first commands; nothing of a run that was killed."""
@@ -212,6 +193,8 @@ class AcceptanceProtocol:
             self._wait_for_a_hand(visit, observer, job, strokes)
         else:
             self._wait(lambda: not job.is_running, _START + 2.0 * strokes.lasts)
+        if step.number == signal.SIGSTOP:
+            clock().sleep(self._allowed(step).reaction)  # until then a run that records the states shows none
         self._wait_for_rest(observer)
         if step.number == signal.SIGSTOP:
             job.send(signal.SIGCONT)
@@ -286,7 +269,7 @@ class AcceptanceProtocol:
         """Until the arm has stood for a while, or for as long as patience lasts."""
         height, since, deadline = observer.height, clock().now(), clock().now() + _LONGEST
         while clock().now() - since < _REST and clock().now() < deadline:
-            if abs(observer.height - height) > _STILL:
+            if abs(observer.height - height) > STANDSTILL_MOVEMENT:
                 height, since = observer.height, clock().now()
             clock().sleep(_LOOK)
 

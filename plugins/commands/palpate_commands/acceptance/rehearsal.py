@@ -12,7 +12,8 @@ from palpate_engine import Pipeline
 
 from palpate_commands.acceptance.job import StrokesJob
 from palpate_commands.acceptance.motion import make_strokes
-from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol, Outcome
+from palpate_commands.acceptance.outcome import Outcome
+from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProtocol
 from palpate_commands.acceptance.steps import AcceptanceStep, Visit
 from palpate_commands.acceptance.strokes_run import MESSAGES, StrokesRun
 
@@ -46,6 +47,11 @@ class ThreadJob(StrokesJob):
     def is_running(self) -> bool:
         """Whether it runs."""
         return self._thread.is_alive()
+
+    @property
+    def has_processes(self) -> bool:
+        """True while it runs."""
+        return self.is_running
 
     def send(self, number: signal.Signals, group: bool = False) -> None:
         """A thread gets no signals: steps with them are not rehearsed."""

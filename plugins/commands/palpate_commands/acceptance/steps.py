@@ -20,7 +20,7 @@ class AcceptanceStep:
     bound: Literal["latency", "reaction", "sensor_timeout", "blind", "sensor_delay"]
     ask: str = ""  # of a person, while the arm moves; empty: this program does it
     then: str = ""  # of a person, afterwards
-    mode: Literal["", "emergency", "safeguard"] = ""  # the stop by which the controller reports it
+    mode: Literal["", "emergency", "safeguard", "reflex"] = ""  # the stop by which the controller reports it
     number: signal.Signals | None = None  # that is sent to the run
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")
@@ -31,6 +31,11 @@ class AcceptanceStep:
     def stops(self) -> bool:
         """Whether the motion is stopped: else strokes at two speeds go to their end."""
         return self.bound != "sensor_delay"
+
+    @property
+    def interrupts_record(self) -> bool:
+        """True if the run cannot record its arm's states from the event on, or not before it goes on."""
+        return self.number in (signal.SIGKILL, signal.SIGSTOP)
 
     @property
     def by_hand(self) -> bool:
@@ -60,6 +65,17 @@ STEPS: Mapping[str, AcceptanceStep] = {
             "close the safeguard and reset it",
             "safeguard",
             fault="safeguard-stop",
+            leaves=False,
+        ),
+        AcceptanceStep(
+            "reflex",
+            "the controller stops by its own threshold of force",
+            "latency",
+            "hold up the forearm, above the force sensor, until the robot stops by itself",
+            "let the arm go, and recover it as its maker says",
+            "reflex",
+            sites=("free-air",),
+            fault="protective-stop",
             leaves=False,
         ),
         AcceptanceStep(

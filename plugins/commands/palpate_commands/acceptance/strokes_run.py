@@ -13,8 +13,13 @@ from palpate_engine import RESULT
 
 from palpate_commands.acceptance.strokes import Strokes
 
-READING = np.dtype([("time", "<i8"), ("force", "<f8")])  # [ns], [N]
-READINGS, MESSAGES, RUN = "force.bin", "messages.txt", "run"
+MESSAGES, RUN = "messages.txt", "run"
+FORCE = "force"  # record of the force, of one column [N]
+
+
+def row_type(columns: int) -> np.dtype[np.void]:
+    """Return the layout of a row of a record: a time-stamp [ns], and the values of a stream."""
+    return np.dtype([("time", "<i8"), ("values", "<f8", (columns,))])
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,10 @@ class StrokesRun:
     folder: Path
     strokes: Strokes
     stop_force: float | None  # [N]; None: that of the pipeline
+
+    def record(self, name: str) -> Path:
+        """Return the path of a record, of the force or of a stream of the arm."""
+        return self.folder / f"{name}.bin"
 
     @property
     def message(self) -> str:
@@ -42,5 +51,5 @@ class StrokesRun:
 
     def readings(self, origin: int) -> tuple[Floats, Floats]:
         """Times (n,) [s] from an instant [ns], and the force (n,) [N] as it was read."""
-        rows = np.frombuffer((self.folder / READINGS).read_bytes(), READING)
-        return (rows["time"] - origin) / 1e9, np.asarray(rows["force"], np.float64)
+        rows = np.frombuffer(self.record(FORCE).read_bytes(), row_type(1))
+        return (rows["time"] - origin) / 1e9, np.asarray(rows["values"][:, 0], np.float64)

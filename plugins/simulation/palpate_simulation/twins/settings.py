@@ -8,6 +8,7 @@ from typing import Literal, Self
 from palpate import (
     Angle,
     Delay,
+    Device,
     File,
     Force,
     ForceDrift,
@@ -95,6 +96,10 @@ class BenchSettings(Twin):
     line_time: Time = Field(default=0.0, ge=0, description="delay added by the serial line to the sensor's period")
     sensor_ppm: float = Field(default=20.0, description="rate error of the sensor's clock, in parts per million")
     clock_start: int = Field(default=0, ge=0, description="the sensor's clock [us] at its start; it wraps at 2^32")
+
+    def replaces(self, device: Device) -> bool:
+        """Return True for an arm whose controller has this address."""
+        return getattr(device, "host", None) == self.host
 
     @model_validator(mode="after")
     def _no_memory(self) -> Self:

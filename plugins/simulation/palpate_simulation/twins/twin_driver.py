@@ -15,7 +15,7 @@ from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, 
 _LOOKAHEAD, _GAIN, _ACCELERATION = 0.03, 1000.0, 0.5  # of the twin's protocol: its arm has a lag of its own
 _WATCHDOG = 10.0  # [Hz]
 _RUNNING, _SOUND, _PLAYING = 7, (1, 2), 2
-_KINDS = {5: "safeguard", 6: "emergency", 7: "emergency"}
+_KINDS = {3: "reflex", 5: "safeguard", 6: "emergency", 7: "emergency"}
 _STOPS = {3: "a protective stop", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop"}
 
 
