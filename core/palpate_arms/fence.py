@@ -241,7 +241,8 @@ class Fence:
         if leaving and self._outward_limit is not None:
             lead = self._lead_at(self._outward_limit)
         if away > lead:
-            return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}", False)
+            give = f", {mm(self.give)} of it as it gives way" if self.give else ""
+            return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}{give}", False)
         work = self._work.matrix[:3, :3]
         tool = self._work.tool
         askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
