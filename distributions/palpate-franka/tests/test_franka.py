@@ -1,5 +1,6 @@
 """The part without a robot: its kinematics, its words, its rehearsal."""
 
+import json
 import math
 import socket
 import struct
@@ -12,7 +13,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, DeviceError, UserError
+from palpate_commands.acceptance.simulator import Simulator
+from palpate_commands.acceptance.steps import all_visits
+from palpate_commands.acceptance.watched_arm import WatchedArm
 from palpate_engine import check_motion, check_own_motion, load_pipeline, own_motions
+from palpate_engine.cli import call
 from palpate_franka.models import MODELS, POSTURE
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
 from palpate_kit.kinematics.rotations import matrix_of
@@ -53,6 +58,24 @@ def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
     wrench = next(stream for stream in arm.streams if stream.name == "robot_wrench")
     assert wrench.estimated
     assert all(stream.rate is None for stream in arm.streams)  # of a thousand states a second some are not taken
+
+
+def test_its_acceptance_is_by_the_record_of_the_run_and_open_where_the_simulator_lacks_a_stop():
+    pipeline = load_pipeline(PIPELINES / "point.toml")
+    assert WatchedArm.of(pipeline).modes.single_connection
+    simulator = Simulator.of(pipeline)
+    open_steps = {visit.step.name for visit in all_visits() if simulator.lacks(visit)}
+    assert open_steps == {"estop", "safeguard", "reflex"}
+    assert Simulator.of(load_pipeline(PIPELINES / "point.toml", ['device.arm.host="172.16.0.2"'])) is None
+
+
+@pytest.mark.parametrize("step", ["safeguard", "reflex", "force"])
+def test_its_acceptance_is_rehearsed(tmp_path, step):
+    rehearsed = ["--set", 'run.rehearsal="bench"', "--step", step, "--out", str(tmp_path / "out")]
+    call(["acceptance", str(PIPELINES / "point.toml"), *rehearsed])
+    table = json.loads((tmp_path / "out" / "acceptance.json").read_text())
+    assert table["verdict"] == "passed in part"
+    assert table["steps"][0]["measured"]["way"] > 0.0
 
 
 def test_a_reflex_below_the_force_that_stops_the_motion_is_refused():
@@ -167,6 +190,25 @@ def simulated_rig(twin, tmp_path):
     rig = SimulatedRig(bench, MODELS["fr3"], joints.tolist(), 0)
     yield rig
     rig.close()
+
+
+def test_restore_brings_the_arm_back_and_lets_it_go(simulated_rig):
+    rig = simulated_rig
+    begin = rig._joints
+    rig._answer(["lead", "0", "0", "5", "0", "0", "0"])
+    for _ in range(300):
+        rig._step()
+    assert np.abs(rig._joints - begin).max() > 2e-3
+    rig._answer(["unplug"])
+    assert not rig._bench.port.is_symlink()
+    rig._answer(["restore"])
+    assert rig._bench.port.is_symlink()
+    for _ in range(500):
+        rig._step()
+    assert not rig._hand.leads
+    for _ in range(300):  # held by the controller alone
+        rig._step()
+    assert rig._joints == pytest.approx(begin, abs=1e-3)
 
 
 def test_force_and_state_of_the_simulator_are_of_one_instant(simulated_rig):

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import socket
@@ -211,6 +212,44 @@ def test_the_doctor_moves_nothing(rig_of):
     truth = rig.ask()
     assert truth["mode"] == "kIdle"
     assert truth["fastest"] < STANDS
+
+
+def go_through(rig, process):
+    """The exit code of an acceptance and what it said, gone through by a person with the simulator's console."""
+    said, begin = "", 0
+    while data := os.read(process.stderr.fileno(), 4096):
+        said += data.decode()
+        if re.search(r"^  NOW$", said[begin:], re.MULTILINE):
+            rig.ask("unplug")
+            begin = len(said)
+        elif "press Enter" in said[begin:]:
+            rig.ask("restore")
+            wait_for(rig, lambda truth: truth["stands"] > 0.5)
+            process.stdin.write("\n")
+            process.stdin.flush()
+            begin = len(said)
+    code, _ = finished(process)
+    return code, said
+
+
+def test_an_acceptance_is_by_the_record_of_its_runs(rig_of, tmp_path):
+    """How soon the arm stops is a matter of the machine; where it stands after a kill is what MuJoCo says."""
+    rig = rig_of("point.toml")
+    names = ["free-air/kill-all", "free-air/cable", "foam/force"]
+    steps = [word for name in names for word in ("--step", name)]
+    code, said = go_through(rig, rig.start("acceptance", *steps, "--out", tmp_path / "a", stdin=subprocess.PIPE))
+    table = json.loads((tmp_path / "a" / "acceptance.json").read_text())
+    found = {step["name"]: step for step in table["steps"]}
+    assert list(found) == ["free-air/cable", "free-air/kill-all", "foam/force"], said
+    problems = {problem for step in found.values() for problem in step["problems"]}
+    assert problems <= {"braking begins too late", "it goes too far", "it brakes too softly"}, said
+    assert code == bool(problems)
+    page = (tmp_path / "a" / "acceptance.md").read_text()
+    assert page.startswith("# Acceptance on a simulator of point palpation, FR3")
+    assert "not in the simulator, and open until they are done on the rig: free-air/estop" in page
+    keeps_limits(rig.ask(), load_pipeline(rig.file))
+    assert "robot_mode 1" in found["free-air/kill-all"]["told"]
+    assert 0.0 < found["free-air/kill-all"]["measured"]["way"] < 15e-3
 
 
 def prompted(process):

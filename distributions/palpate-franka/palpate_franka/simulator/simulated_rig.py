@@ -26,6 +26,7 @@ from palpate_simulation.twins.settings import BenchSettings
 from palpate_franka.models import MODELS, POSTURE
 from palpate_franka.simulator.arm_record import ArmRecord
 from palpate_franka.simulator.controller_modes import enter_mode, install_recovery
+from palpate_franka.simulator.hand import Hand
 from palpate_franka.simulator.light_server import lighten
 
 STEP = 1e-3  # [s] of the controller
@@ -36,8 +37,6 @@ REACH = 0.5  # [m] from a joint to the tip: its encoder's noise is that of the m
 AIR = 3e-3  # [m] over the work frame, where nothing is felt
 MOST_BEHIND = 0.5  # [s] that are not made up for
 PAUSE = 1e-4  # [s] that a process at real-time priority sleeps at times, or the system ends it
-HAND_SPEED = 0.3  # [rad/s] of the joints, where a hand leads the arm
-HAND_LETS_GO = 0.1  # [s] after which a hand lets go of an arm that stands where it began
 COMMANDS = {
     "truth": "what the arm did since the last mark, in SI, as JSON",
     "mark": "forget what it did so far",
@@ -83,8 +82,7 @@ class SimulatedRig:
         self._felt = np.zeros((2, 3))  # force on the tip [N], and the tip's acceleration [m/s^2], one look ago
         self._looks = self._done = False
         self._held: Floats | None = None  # joints at which the link was lost
-        self._hand: tuple[Floats, Floats] | None = None  # joints at which a hand has the arm, and to which it leads
-        self._start: Floats = np.array(joints)
+        self._hand = Hand(np.array(joints))
 
     def end(self, *_: Any) -> None:
         """Let `run` return."""
@@ -175,8 +173,8 @@ class SimulatedRig:
             self._robot.joint_position_control(self._held)
         else:
             self._control.process_commands()
-            if self._hand is not None:
-                self._follow_hand(*self._hand)
+            if self._hand.leads:
+                self._follow_hand()
         self._sim.step()
         self._now += STEP
         self._press()
@@ -218,23 +216,21 @@ class SimulatedRig:
         self._sensor.restore()
         self._held = None
         if not self._control.current_motion_id:
-            self._lead_to(self._start)
+            self._lead_to()
 
     @property
     def _joints(self) -> Floats:
         return self._sim.data.qpos[:7].copy()
 
-    def _lead_to(self, goal: Floats) -> None:
-        self._hand, self.record.stands = (self._joints, goal), 0.0
+    def _lead_to(self, goal: Floats | None = None) -> None:
+        self._hand.lead(self._joints, goal)
+        self.record.stands = 0.0
 
-    def _follow_hand(self, joints: Floats, goal: Floats) -> None:
-        """Go a step towards where a hand leads the arm; where it began, the hand lets go."""
-        joints = joints + np.clip(goal - joints, -HAND_SPEED * STEP, HAND_SPEED * STEP)
-        self._hand = joints, goal
-        self._robot.joint_position_control(joints)
-        if goal is self._start and self.record.stands > HAND_LETS_GO:
-            self._hand = None
-            self._control.stop_motion(send_preemption_signal=False)  # the controller holds it there
+    def _follow_hand(self) -> None:
+        """Go a step to where a hand leads the arm; once it lets go, the controller holds the arm there."""
+        self._robot.joint_position_control(self._hand.joints_after(STEP))
+        if self._hand.let_go(self.record.stands):
+            self._control.stop_motion(send_preemption_signal=False)
 
 
 def joints_of(

@@ -114,7 +114,7 @@ def measure_standstill(trace: BrakingTrace, event: float, planned: float, height
 
 
 def _velocity_before(trace: BrakingTrace, event: float, planned: float) -> float:
-    """Return the mean velocity [m/s] until an event [s]; raises MissedError where that is no stroke's."""
+    """Return the mean velocity [m/s] until an event [s]; raises MissedError where the arm was slower than a stroke."""
     before = (trace.time > event - _BEFORE) & (trace.time <= event)
     if np.count_nonzero(before) < _STATES:
         raise _missing(trace, event)

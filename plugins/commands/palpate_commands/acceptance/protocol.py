@@ -227,7 +227,9 @@ class AcceptanceProtocol:
         self._guide.say(f"  {visit.step.ask}, {when}")
         was_down, deadline = False, clock().now() + _START + strokes.duration
         while job.is_running and clock().now() < deadline:
-            down = observer.velocity < -_STEADY * strokes.speed and observer.height > 0.5 * (high + strokes.bottom)
+            # Not on the way to the strokes, which may lead down from above their top.
+            is_upper_half = 0.5 * (high + strokes.bottom) < observer.height <= high
+            down = is_upper_half and observer.velocity < -_STEADY * strokes.speed
             if down and not was_down:
                 if on_the_way_down:
                     self._guide.say("  NOW")
