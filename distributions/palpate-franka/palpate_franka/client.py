@@ -8,6 +8,7 @@ from palpate import DeviceError
 from palpate_kit.acquisition.device_lock import network_device
 
 _PORT = 1337  # of the controller's commands
+_LOOPBACK = "127."  # of addresses of this computer, where no controller is
 
 
 def connected(host: str, realtime: str) -> Any:
@@ -27,6 +28,11 @@ def connected(host: str, realtime: str) -> Any:
             f'{words_of(error)}: an arm needs a kernel for real time; realtime = "ignore" is for a simulator'
         ) from error
     except franky.Exception as error:
+        if host.startswith(_LOOPBACK):
+            raise DeviceError(
+                f"{words_of(error)}: no simulator is ready at {host}: start it by `palpate twin FILE` in another "
+                "terminal, and let no other program use it"
+            ) from error
         raise DeviceError(
             f"{words_of(error)}: is it switched on, are its joints unlocked and is FCI activated in Desk, and does no "
             "other program use it?"

@@ -130,12 +130,19 @@ def test_a_rehearsal_needs_neither_client_nor_simulator(tmp_path):
     assert "What the arm did" in done.stdout
 
 
-def test_a_controller_that_is_not_there_is_refused_by_name():
+@pytest.mark.parametrize(
+    ("host", "words"),
+    [
+        ("127.9.9.9", r"no simulator is ready at 127\.9\.9\.9: start it by `palpate twin FILE`"),
+        ("0.0.0.0", "is FCI activated in Desk"),  # nobody listens there either
+    ],
+)
+def test_a_controller_that_is_not_there_is_refused_by_name(host, words):
     pytest.importorskip("franky")
     from palpate_franka.client import connected
 
-    with pytest.raises(DeviceError, match="is FCI activated in Desk"):
-        connected("127.9.9.9", "ignore")
+    with pytest.raises(DeviceError, match=words):
+        connected(host, "ignore")
 
 
 def test_a_controller_of_another_version_is_refused_by_name():
@@ -194,6 +201,7 @@ def simulated_rig(twin, tmp_path):
 
 def test_restore_brings_the_arm_back_and_lets_it_go(simulated_rig):
     rig = simulated_rig
+    rig._step()
     begin = rig._joints
     rig._answer(["lead", "0", "0", "5", "0", "0", "0"])
     for _ in range(300):
@@ -203,7 +211,7 @@ def test_restore_brings_the_arm_back_and_lets_it_go(simulated_rig):
     assert not rig._bench.port.is_symlink()
     rig._answer(["restore"])
     assert rig._bench.port.is_symlink()
-    for _ in range(500):
+    for _ in range(800):
         rig._step()
     assert not rig._hand.leads
     for _ in range(300):  # held by the controller alone

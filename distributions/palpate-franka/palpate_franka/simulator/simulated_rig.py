@@ -253,12 +253,12 @@ def serve_rig(bench: BenchSettings, seed: int, ready: Callable[[Mapping[str, str
     model = MODELS["fr3"]
     joints = joints_of(bench, model, np.array([*bench.place, bench.height]), np.array(POSTURE))
     rig = SimulatedRig(bench, model, joints.tolist(), seed)
-    real_time(40)
+    scheduling = real_time(40)
     host().run_without_collection()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, rig.end)
     try:
-        ready({"robot": bench.host, "sensor": str(bench.port)})
+        ready({"robot": bench.host, "sensor": str(bench.port), "with": scheduling})
         rig.run()
     finally:
         rig.close()
