@@ -54,7 +54,7 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
     "fence": {"core/palpate_arms/f[eo][nr]*.py": "devices/test_fence.py"},
     "uncertainty": {
         f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} uncertainty/test_late_force.py",
-        f"{_UNCERTAINTY}/delay/timed_record.py {_UNCERTAINTY}/delay/delay_from_motion.py":
+        f"{_UNCERTAINTY}/delay/timed_record.py {_UNCERTAINTY}/delay/response_laws.py {_UNCERTAINTY}/delay/delay_f*.py":
             "uncertainty/test_self_timed.py",
         f"{_UNCERTAINTY}/model_choice.py": "uncertainty/test_choice.py",
         f"{_UNCERTAINTY}/choose_command.py {_UNCERTAINTY}/held_out.py": "uncertainty/test_choose.py",

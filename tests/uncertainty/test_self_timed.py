@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate_fits import CasadiFit
-from palpate_uncertainty.delay.delay_from_motion import _inflation, diagnose_delay, is_rich
+from palpate_uncertainty.delay.delay_fit import variance_inflation
+from palpate_uncertainty.delay.delay_from_motion import diagnose_delay, is_rich
 from scipy.signal import lfilter
 
 spec = importlib.util.spec_from_file_location("palpations", Path(__file__).with_name("palpations.py"))
@@ -94,10 +95,10 @@ def test_the_delay_by_another_law_has_the_spread_of_those_that_nearly_describe_t
 
 def test_white_residuals_count_as_white():
     """The square root of it is in u(delay); over 50 lags without a window the largest of 40 is 1.5."""
-    found = [_inflation(np.random.default_rng(seed).standard_normal(5000)) for seed in range(40)]
+    found = [variance_inflation(np.random.default_rng(seed).standard_normal(5000)) for seed in range(40)]
     assert max(found) < 1.25
     slow = lfilter([1.0], [1.0, -0.8], np.random.default_rng(1).standard_normal(20_000))
-    assert _inflation(slow) == pytest.approx(9.0, rel=0.15)  # (1 + 0.8)/(1 - 0.8)
+    assert variance_inflation(slow) == pytest.approx(9.0, rel=0.15)  # (1 + 0.8)/(1 - 0.8)
 
 
 @pytest.mark.slow

@@ -30,40 +30,64 @@ def smoother_bias(
 ) -> Floats | None:
     """Return the predicted bias (k,) of the parameters along a motion (n, 5) as for `palpate_filters.kinematic_bias`.
 
-    `assumed` (4,) are the standard deviations of force, position and velocity and the jerk's density q, `real` (3,)
-    the true standard deviations. Linearised at its own smoothed motion, the smoother settles where
-    sum psi (n - h_m e) / R = 0 over the forces, e the motion's error by what it is smoothed from, n the force's noise,
-    h_m and psi the force's slopes by motion and constants. e is in psi, too. Where the tip has the jerk that is
-    assumed, E[e n] and E[e e^T] h_m^T are one; a tip that is moved on purpose has less. In frequencies, with
-    A = w^6/q + D the assumed information on the height, D of it by measurements, and D' that of D's true noise,
+    `assumed` (4,) are the standard deviations of force, position and velocity and the jerk's density q by which the
+    motion is smoothed, `real` (3,) the true standard deviations. None where the numbers do not hold.
 
-        information bias = sum int Re(psi_m h_m^*) (R'/R / A - D'/A^2) dw/2pi / R.
+    A relinearised smoother takes the slopes of its force at its own smoothed motion. This motion has an error e, and
+    the force a noise n of the assumed variance R. With the force's slopes h_m in the motion (height, velocity,
+    acceleration) and psi in the constants, the estimate solves
 
-    None where the numbers do not hold.
+        sum (psi + psi_m e) (n - h_m e) / R = 0,    psi_m the slopes of psi in the motion.
+
+    The mean of psi_m e (n - h_m e) pulls the estimate. It would be 0 for a tip that has the assumed jerk, where
+    E[e n] = E[e e^T] h_m^T; a tip that is moved on purpose has less jerk. At an angular frequency w the smoother takes
+    the height's information for A = w^6/q + D, in which D is that of the measurements. With the real noises in place
+    of the assumed ones, R' and D', the bias follows from
+
+        sum psi psi^T / R  bias = n int Re(psi_m h_m^*) (R'/R / A - D'/A^2) dw/2pi / R.
     """
     slopes = _force_slopes(model, values, motion)
-    interval = float(np.median(motion[:, 4]))
-    w = np.linspace(0.0, np.pi / interval, _FREQUENCIES)[1:, None]  # [rad/s]
+    pull = len(motion) * _mean_pull(slopes, mass, float(np.median(motion[:, 4])), assumed, real)
+    # A force at a measured height has the noise of both.
+    force, position = assumed[:2] ** 2
+    variance = force + slopes.by_height**2 * position
+    information = (slopes.psi / variance[:, None]).T @ slopes.psi
+    return pull_on_estimates(information, pull)
 
-    # |h_m|^2 and Re(psi_m h_m^*) over the frequencies: of height, velocity and, by the mass, acceleration.
-    height_square, velocity_square = np.mean(slopes.by_height**2), np.mean(slopes.by_velocity**2)
-    h_h = height_square + w**2 * (velocity_square + 2 * mass * slopes.by_height.mean()) + w**4 * mass**2
-    psi_h = np.mean(slopes.psi_by_height * slopes.by_height[:, None], axis=0) + w**2 * (
-        mass * slopes.psi_by_height.mean(axis=0) + np.mean(slopes.psi_by_velocity * slopes.by_velocity[:, None], axis=0)
-    )
+
+def _mean_pull(slopes: _ForceSlopes, mass: float, interval: float, assumed: Floats, real: Floats) -> Floats:
+    """Return the pull (k + 1,) of a sample on the constants: the integral over the frequencies."""
+    w = np.linspace(0.0, np.pi / interval, _FREQUENCIES)[1:, None]  # [rad/s]
+    force, position, velocity = assumed[:3] ** 2
+    real_force, real_position, real_velocity = real**2
 
     # D and D': the information of the measurements, and its true noise.
-    (force, position, velocity), jerk = assumed[:3] ** 2, assumed[3]
-    real_force, real_position, real_velocity = real**2
-    D = (1 / position + w**2 / velocity + h_h / force) / interval
-    D_real = real_position / position**2 + w**2 * real_velocity / velocity**2 + h_h * real_force / force**2
+    power = _motion_power(slopes, mass, w)
+    D = (1 / position + w**2 / velocity + power / force) / interval
+    D_real = real_position / position**2 + w**2 * real_velocity / velocity**2 + power * real_force / force**2
     D_real = D_real / interval
-    A = w**6 / jerk + D
+    A = w**6 / assumed[3] + D
 
+    # The integral over both signs of w is twice that over the positive ones.
+    integrand = _cross_power(slopes, mass, w) * (real_force / force / A - D_real / A**2)
     step = float(w[1, 0] - w[0, 0])
-    pull = np.sum(psi_h * (real_force / force / A - D_real / A**2), axis=0) * step / np.pi / force
-    information = (slopes.psi / (force + slopes.by_height**2 * position)[:, None]).T @ slopes.psi
-    return pull_on_estimates(information, len(motion) * pull)
+    return np.asarray(np.sum(integrand, axis=0) * step / np.pi / force)
+
+
+def _motion_power(slopes: _ForceSlopes, mass: float, w: Floats) -> Floats:
+    """Return |h_m|^2 (m, 1) at the frequencies w (m, 1) [rad/s], where h_m = h_z + i w h_v + w^2 mass.
+
+    The inertia, -mass z'', adds w^2 mass z to the force of the contact.
+    """
+    height_square, velocity_square = np.mean(slopes.by_height**2), np.mean(slopes.by_velocity**2)
+    return np.asarray(height_square + w**2 * (velocity_square + 2 * mass * slopes.by_height.mean()) + w**4 * mass**2)
+
+
+def _cross_power(slopes: _ForceSlopes, mass: float, w: Floats) -> Floats:
+    """Return Re(psi_m h_m^*) (m, k + 1) at the frequencies w (m, 1) [rad/s], where psi_m = psi_z + i w psi_v."""
+    by_height = np.mean(slopes.psi_by_height * slopes.by_height[:, None], axis=0)
+    by_velocity = np.mean(slopes.psi_by_velocity * slopes.by_velocity[:, None], axis=0)
+    return np.asarray(by_height + w**2 * (mass * slopes.psi_by_height.mean(axis=0) + by_velocity))
 
 
 def _force_slopes(model: ContactModel, values: Floats, motion: Floats) -> _ForceSlopes:
@@ -73,6 +97,7 @@ def _force_slopes(model: ContactModel, values: Floats, motion: Floats) -> _Force
     rate_step = _RELATIVE_STEP * float(np.sqrt(np.mean(rate**2)))
 
     def slopes(deeper: float, faster: float) -> tuple[Floats, Floats, Floats]:
+        """Return psi and the slopes by height and velocity at a motion that is deeper [m] and faster [m/s]."""
         _, by_constants, by_depth, by_rate = force_slopes(model, depth + deeper, rate + faster, theta)
         return np.column_stack([by_constants, by_depth]), -by_depth, -by_rate
 

@@ -23,6 +23,8 @@ _PLOT_HEIGHT = 0.8  # of a picture's height, between the title and the label of 
 _SCALE_WIDTH = 0.5  # of a picture's height: a scale with its label, and the label of the y axis
 _CURVE_WIDTH = 0.8  # of a picture's height: the curve of what is excluded, with its labels
 _SWEEP_RATIOS = (3, 1)  # of the widths of a sweep and of the curve of what it excludes
+_LONE_CELL = 1.0  # [mm] of a map of one row or column: the default cell
+_SQUARE_CENTIMETRE = 100  # [mm^2]
 _HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
 
 
@@ -64,38 +66,50 @@ def map_picture(
 def hiding_picture(
     hiding: Hiding, cells: Cells, lumps: Sequence[Lump], excluded: Sequence[Mapping[str, float | None]] = ()
 ) -> Any:
-    """Return the patches that may still hide, per square centimetre, the lumps that are known, and those excluded.
+    """Draw the expected number of hidden patches per square centimetre, the known lumps, and the lumps excluded.
 
-    `cells` has the column and row (m, 2) of each place at which one may hide.
+    `cells` has the column and row (m, 2) of each place at which a patch may hide.
     """
     figure, axes = figure_of(2 if excluded else 1, height=70.0)
-    axis, place = axes[0, 0], 1e3 * hiding.middles[:, :2]
-    steps, lines = grid_steps(place, cells), [np.unique(along) for along in cells.T]
-    # Every so many lines of the area's grid are shown, each as wide as from one to the next.
-    strides = np.array([np.diff(line).min() if len(line) > 1 else 1 for line in lines])
-    width, height_of_cell = np.where(np.isfinite(steps), steps * strides, 1.0)
-    columns, rows = ((cells - cells.min(axis=0)) // strides).T
-    field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    field[rows, columns] = np.minimum(100 * hiding.expected / (width * height_of_cell / 100), 100.0)
-    half_cell = np.array([width, height_of_cell]) / 2
-    seen = " seen from above" if hiding.middles.shape[1] > 2 else ""
-    lowest, highest = place.min(axis=0) - half_cell, place.max(axis=0) + half_cell
-    extent = [lowest[0], highest[0], lowest[1], highest[1]]
-    shown = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
-    # As wide as the area and its scale, and the curve of what is excluded.
-    width, height = (highest - lowest).tolist()
-    area_width = _PLOT_HEIGHT * width / height + _SCALE_WIDTH
+    axis = axes[0, 0]
+    field, extent = _patch_density(hiding, cells)
+    image = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
+
+    # The figure is as wide as the area and its colour scale, and the curve of what is excluded.
+    area_width = _PLOT_HEIGHT * (extent[1] - extent[0]) / (extent[3] - extent[2]) + _SCALE_WIDTH
     curve_width = _CURVE_WIDTH if excluded else 0.0
     figure.set_figwidth(min(figure.get_figwidth(), figure.get_figheight() * (area_width + curve_width)))
     if excluded:
         axis.get_gridspec().set_width_ratios((area_width, curve_width))
         draw_exclusion(axes[0, 1], excluded)
-    figure.colorbar(shown, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{seen}]")
+
+    is_tilted = hiding.middles.shape[1] > 2
+    view = " seen from above" if is_tilted else ""
+    figure.colorbar(image, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{view}]")
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
     axis.set(title=f"a patch remains with {100 * hiding.risk:.3g} %", xlabel="x [mm]", ylabel="y [mm]")
     axis.grid(False)
     return figure
+
+
+def _patch_density(hiding: Hiding, cells: Cells) -> tuple[Floats, list[float]]:
+    """Return the expected patches (rows, columns) [% per cm^2], at most 100, and their extent in x and y [mm].
+
+    Cells without a place are NaN. Places that take only every n-th column or row of the grid make a picture of cells
+    that are n times as wide.
+    """
+    places = 1e3 * hiding.middles[:, :2]
+    steps = grid_steps(places, cells)
+    lines = [np.unique(numbers) for numbers in cells.T]
+    strides = np.array([np.diff(line).min() if len(line) > 1 else 1 for line in lines])
+    cell_size = np.where(np.isfinite(steps), steps * strides, _LONE_CELL)
+    columns, rows = ((cells - cells.min(axis=0)) // strides).T
+    field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+    cell_area = cell_size[0] * cell_size[1] / _SQUARE_CENTIMETRE
+    field[rows, columns] = np.minimum(100 * hiding.expected / cell_area, 100.0)
+    lowest, highest = places.min(axis=0) - cell_size / 2, places.max(axis=0) + cell_size / 2
+    return field, [lowest[0], highest[0], lowest[1], highest[1]]
 
 
 def _edges(axis: Floats) -> tuple[float, float]:

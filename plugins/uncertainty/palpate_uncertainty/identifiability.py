@@ -28,6 +28,7 @@ _COUNTED_BOUND_SHARE = 0.9  # of the bound, by a standard deviation
 _MAX_UNEVENNESS = 0.1  # of a value, between one stretch of the way and all of it
 _INDISTINCT_CORRELATION = 0.998  # beyond which one of two could be 15 times better known if the other were
 _MAX_BIAS_SHARE = 0.5  # of a predicted bias, up to which least squares shows that a value has none
+_SMALLEST_VALUE = 1e-300  # in a quotient, in place of 0: near the smallest double
 # What a filter went through, where least squares shows how far it has come out.
 _BIAS = frozenset({"noise-bias"})
 _SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
@@ -58,14 +59,18 @@ class _RefitComparison:
 
 
 def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Return the findings on all tracks that were estimated as they came, or smoothed; a fit judges itself.
+    """Return what least squares shows of each track of a filter or smoother; a fit judges itself.
 
-    Least squares from the estimate, over the samples that the estimator used, must lead to a place within its
-    uncertainty; and no standard deviation can be below the Cramer-Rao bound sigma^2 (J^T J)^-1 there, J the slopes of
-    the force in parameters and surface, sigma the residual's standard deviation. Where either fails, the distance, or
-    the bound, joins the uncertainty, and does so before that is worth a flag: a distance from one uncertainty on, the
-    bound for what is below 0.9 of it. On a sweep this holds for every stretch of the way, of an estimator that looks
-    for one value.
+    Least squares begins at the estimate and takes the samples that the estimator used. Two things are compared with
+    its minimum, at which J (n, k + 1) are the slopes of the force in parameters and surface and sigma is the standard
+    deviation of the residual:
+
+    - the distance of the estimate from the minimum, which joins the uncertainty if it exceeds one combined
+      uncertainty, and is flagged if it exceeds three;
+    - the Cramer-Rao bound sigma^2 (J^T J)^-1, below which no variance can be. What a standard deviation lacks of it
+      joins the uncertainty if it is below 0.9 of the bound, and is flagged if it is below half.
+
+    On a sweep an estimator of one value is compared on each stretch of 2 s with the minimum of that stretch.
     """
     findings = {}
     for track in tracks:
@@ -73,7 +78,7 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         if track.report is None and has_samples and possible(track) and not track.estimator.follows_changes:
             try:
                 findings[track.name] = _judge_sweep(track) if sweeps(track) else _judge_point(track)
-            except ValueError:  # the model has no force at numbers that far off, which other flags say
+            except ValueError:  # the model has no force at values that are so far off, which other flags report
                 continue
     return findings
 
@@ -134,7 +139,7 @@ def _overconfident_flag(
     """Return the flag of standard deviations below the bound, and of parameters that the force does not depend on."""
     claims: list[str] = []
     for i in np.flatnonzero(is_short):
-        scale = 100.0 / max(abs(float(track.values[i])), 1e-300)  # per cent of the value
+        scale = 100.0 / max(abs(float(track.values[i])), _SMALLEST_VALUE)  # per cent of the value
         std, bound = scale * float(track.std[i]), scale * float(comparison.bound[i])
         claims.append(f"{comparison.names[i]} to {std:.2g} % where {bound:.2g} % is the bound")
     claims += [f"{name} has no effect on the force" for name in comparison.without_effect]
