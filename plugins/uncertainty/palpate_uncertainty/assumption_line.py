@@ -16,23 +16,23 @@ _WORDS = {
     "poisson": "Poisson's ratio",
     "thickness.height": "thickness",
 }
-_MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption; less is in result.json only
+_MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption (choice); less is in result.json only
 _FIRST = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
 _SECOND = ("viscosity", "damping")
 
 
 def assumption_lines(result: Result) -> list[str]:
-    """One line for the run, by its best track; none where nothing is known of any."""
-    known = [track for track in result.tracks.values() if track.diagnoses.get("assumptions")]
-    if not known:
+    """Return one line for the run, by its best track; none if no track has assumptions."""
+    tracks = [track for track in result.tracks.values() if track.diagnoses.get("assumptions")]
+    if not tracks:
         return []
-    best = min(known, key=lambda track: (verdict_rank(track.verdict), _width(track)))
+    best = min(tracks, key=lambda track: (verdict_rank(track.verdict), _width(track)))
     return [_line(best.diagnoses["assumptions"])]
 
 
 def _width(track: TrackResult) -> float:
-    """Relative combined uncertainty of what is looked at first."""
-    shares = [found.combined / abs(found.value) for found in track.parameters.values() if found.value]
+    """Return the relative combined uncertainty of the first value of a track."""
+    shares = [value.combined / abs(value.value) for value in track.parameters.values() if value.value]
     return shares[0] if shares else float("inf")
 
 
@@ -41,14 +41,14 @@ def _line(table: Mapping[str, Any]) -> str:
     values = dict.fromkeys(name for shares in table["percent"].values() for name in shares)
     first = next((name for name in _FIRST if name in values), next(iter(values)))
     second = next((name for name in _SECOND if name in values), None)
-    scales = list(_scales(table["percent"], first, second))
+    scales = ", ".join(_scales(table["percent"], first, second))
+    conditions = ", ".join(_conditions(table, first))
     both = first if second is None else f"{first}/{second}"
-    others = ", ".join(_conditions(table, first))
-    return f"assumed exact; a 1 % error changes {both} by: {', '.join(scales)}; {others}"
+    return f"assumed exact; a 1 % error changes {both} by: {scales}; {conditions}"
 
 
 def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str | None) -> Iterator[str]:
-    """Name and effects of each number, the largest first; the second value is stated where it differs."""
+    """Yield name and effects of each number, the largest first; the second value is stated where it differs."""
     sizes = {
         name: [abs(shares.get(value, 0.0)) for value in (first, second) if value] for name, shares in percent.items()
     }
@@ -59,7 +59,7 @@ def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str 
 
 
 def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
-    """Assumptions that are not a number of the pipeline, each with the size at which it begins to matter."""
+    """Yield the assumptions that are not a number of the pipeline, each with the size at which it begins to matter."""
     stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
     yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
     if not table.get("skin_stated"):

@@ -22,8 +22,9 @@ from palpate_uncertainty.assumption_line import skin_conditions
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
 
-_MIN_PERCENT = 5e-3  # per cent; less is shown as such
-_MIN_DRAWS = 4  # draws of a Monte Carlo budget, for a standard deviation of them
+_MIN_PERCENT = 5e-3  # per cent (choice); less is shown as such
+_MIN_DRAWS = 4  # draws of a Monte Carlo budget (choice), for a standard deviation of them
+_DETAILS_WIDTH = 120  # characters of the table of contributions
 
 
 def budget(
@@ -42,63 +43,70 @@ def budget(
     tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]
     if track is not None and track not in tracks:
         raise ConfigurationError(f"{run}: has no track {track!r}{suggest(track, tracks)}")
-    chosen = {name: found for name, found in tracks.items() if track in (None, name)}
-    without = [name for name, found in chosen.items() if "budget" not in found]
+    chosen = {name: table for name, table in tracks.items() if track in (None, name)}
+    without = [name for name, table in chosen.items() if "budget" not in table]
     if without:
         raise ConfigurationError(
             f"{run}: {', '.join(without)} has no budget: the run is of an earlier version; replay it"
         )
-    drawn = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
+    draws = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
     if as_json:
-        tables: dict[str, Any] = {name: found["budget"] for name, found in chosen.items()}
-        for name, found in drawn.items():
-            facts = {"draws": monte_carlo, "seed": seed, "lost": found.lost, "parameters": found.table()}
+        tables: dict[str, Any] = {name: table["budget"] for name, table in chosen.items()}
+        for name, of_track in draws.items():
+            facts = {"draws": monte_carlo, "seed": seed, "lost": of_track.lost, "parameters": of_track.table()}
             tables[name] = {"budget": tables[name], "monte_carlo": facts}
         typer.echo(json.dumps(tables, indent=2))
         return
-    screen = console(120) if details else console()
-    for name, found in chosen.items():
-        screen.print(_view(name, found) if details else _shares(name, found).view())
-        with open_table(run / RESULT, f"tracks.{name}.diagnoses.one-frequency"):
-            lines = list(_at_one_frequency(found.get("diagnoses", {}).get("one-frequency")))
-        with open_table(run / RESULT, f"tracks.{name}.diagnoses.assumptions"):
-            skin = skin_conditions(found.get("diagnoses", {}).get("assumptions", {}))
-        lines += [f"not included, but assumed: {', '.join(skin)}"] if skin else []
-        for line in lines:
+    screen = console(_DETAILS_WIDTH) if details else console()
+    for name, table in chosen.items():
+        screen.print(_view(name, table) if details else _shares(name, table).view())
+        for line in _notes(run, name, table):
             screen.print(line)
-    for found in drawn.values():
-        _print_draws(screen, found, seed)
+    for of_track in draws.values():
+        _print_draws(screen, of_track, seed)
+
+
+def _notes(run: Path, name: str, track: Mapping[str, Any]) -> list[str]:
+    """Return the lines on what no row of a track's table can show."""
+    diagnoses = track.get("diagnoses", {})
+    with open_table(run / RESULT, f"tracks.{name}.diagnoses.one-frequency"):
+        lines = list(_at_one_frequency(diagnoses.get("one-frequency")))
+    with open_table(run / RESULT, f"tracks.{name}.diagnoses.assumptions"):
+        skin = skin_conditions(diagnoses.get("assumptions", {}))
+    return lines + ([f"not included, but assumed: {', '.join(skin)}"] if skin else [])
 
 
 def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, PropagatedDraws]:
-    """The draws of every track, with progress."""
+    """Return the draws of every track, by name, with progress."""
     from palpate_uncertainty.monte_carlo import cases, propagate_draws
 
     if draws < _MIN_DRAWS:
         raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_MIN_DRAWS} are needed")
-    found = {}
+    by_track = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
-            found[case.name] = propagate_draws(case, draws, seed, report=report_progress)
-    return found
+            by_track[case.name] = propagate_draws(case, draws, seed, report=report_progress)
+    return by_track
 
 
-def _print_draws(screen: Any, found: PropagatedDraws, seed: int) -> None:
-    """The draws of one track next to the budget."""
-    screen.print(f"\n{len(found.values)} draws, seed {seed}{f', {found.lost} without an estimate' * (found.lost > 0)}")
-    for name, row in found.table().items():
-        shown = {key: _shown(value, found.parameters[name]["unit"]) for key, value in row.items() if value is not None}
+def _print_draws(screen: Any, draws: PropagatedDraws, seed: int) -> None:
+    """Print the draws of one track next to the budget."""
+    lost = f", {draws.lost} without an estimate" * (draws.lost > 0)
+    screen.print(f"\n{len(draws.values)} draws, seed {seed}{lost}")
+    for name, row in draws.table().items():
+        unit = draws.parameters[name]["unit"]
+        texts = {key: _shown(value, unit) for key, value in row.items() if value is not None}
         ratio = f" (ratio {row['std'] / row['combined']:.2f})" if row["combined"] else ""
-        linear = shown.get("combined", "?")
-        screen.print(f"{found.name} {name}: u {linear} by the budget, {shown['std']} by the draws{ratio}")
-        screen.print(f"  mean {shown['mean']}, 95 % from {shown['low']} to {shown['high']}; value {shown['value']}")
+        linear = texts.get("combined", "?")
+        screen.print(f"{draws.name} {name}: u {linear} by the budget, {texts['std']} by the draws{ratio}")
+        screen.print(f"  mean {texts['mean']}, 95 % from {texts['low']} to {texts['high']}; value {texts['value']}")
 
 
-def _shares(name: str, found: Mapping[str, Any]) -> Table:
-    """Sources of one track, the largest first: standard uncertainty, and what it gives each value in per cent."""
-    parameters = found["parameters"]
+def _shares(name: str, track: Mapping[str, Any]) -> Table:
+    """Return the sources of one track, the largest first: standard uncertainty, and its per cent of each value."""
+    parameters = track["parameters"]
     heads = [f"{parameter}\n%" for parameter in parameters]
-    rows = sorted(found["budget"], key=lambda row: -_largest(row["effects"].values()))
+    rows = sorted(track["budget"], key=lambda row: -_largest(row["effects"].values()))
     cells = [
         [
             row["source"],
@@ -108,48 +116,53 @@ def _shares(name: str, found: Mapping[str, Any]) -> Table:
         for row in rows
     ]
     cells.append(["combined", "", "", *(_percent(_share(value)) for value in parameters.values())])
-    shown = [
-        f"{parameter} {'?' if (number := estimate_of(value)) is None else _shown(number, value['unit'])}"
-        for parameter, value in parameters.items()
-    ]
-    return Table.of(f"{name}: {', '.join(shown)}", ["source", "u", "unit", *heads], cells, ["source", "unit"])
+    texts = [f"{parameter} {_estimate_text(value)}" for parameter, value in parameters.items()]
+    return Table.of(f"{name}: {', '.join(texts)}", ["source", "u", "unit", *heads], cells, ["source", "unit"])
+
+
+def _estimate_text(value: Mapping[str, Any]) -> str:
+    """Return the estimate of a parameter in display units; a question mark without one."""
+    estimate = estimate_of(value)
+    return "?" if estimate is None else _shown(estimate, value["unit"])
 
 
 def _number_and_unit(std: float | None, unit: str) -> tuple[str, str]:
+    """Return a standard uncertainty and its unit for display; empty without one."""
     if std is None:
         return "", ""
-    written, factor = display_unit(unit)
-    return f"{std * factor:.3g}", "" if written == "1" else written
+    symbol, factor = display_unit(unit)
+    return f"{std * factor:.3g}", "" if symbol == "1" else symbol
 
 
 def _largest(effects: Iterable[Mapping[str, Any] | None]) -> float:
-    """The largest share of a source in any value; one that is not known counts most."""
+    """Return the largest share of a source in any value; an unknown one counts most."""
     shares = [effect["percent"] for effect in effects if effect]
     return max((math.inf if share is None else share for share in shares), default=0.0)
 
 
 def _share(value: Mapping[str, Any]) -> float | None:
+    """Return the combined uncertainty in per cent of a value; None if either is unknown."""
     if value["combined"] is None or not (number := estimate_of(value)):
         return None
     return 100 * float(value["combined"]) / abs(number)
 
 
 def _percent(share: float | None) -> str:
+    """Return a share in per cent as a cell."""
     return "?" if share is None else "< 0.005" if share < _MIN_PERCENT else f"{share:.2g}"
 
 
-def _view(name: str, found: Mapping[str, Any]) -> Any:
-    """A table of one track: sources by rows, values by columns; each contribution in the value's unit and per cent."""
+def _view(name: str, track: Mapping[str, Any]) -> Any:
+    """Return the table of one track: sources by rows, values by columns, each contribution with its per cent."""
     from rich.table import Table
 
-    parameters = found["parameters"]
+    parameters = track["parameters"]
     table = Table(title=f"{name}: contributions to the standard uncertainty", title_justify="left")
     table.add_column("source")
     table.add_column("u", justify="right")
     for parameter, value in parameters.items():
-        shown = "?" if (number := estimate_of(value)) is None else _shown(number, value["unit"])
-        table.add_column(f"{parameter}\n{shown}", justify="right")
-    for row in found["budget"]:
+        table.add_column(f"{parameter}\n{_estimate_text(value)}", justify="right")
+    for row in track["budget"]:
         std = "" if row["std"] is None else _shown(row["std"], row["unit"])
         cells = [_cell(row["effects"].get(name), value["unit"]) for name, value in parameters.items()]
         table.add_row(row["source"], std, *cells)
@@ -160,22 +173,22 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
     return table
 
 
-def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
-    """The note that no row can show: a viscosity found at one frequency is that of this frequency."""
-    if found is None:
+def _at_one_frequency(table: Mapping[str, Any] | None) -> Iterator[str]:
+    """Yield the note that a viscosity estimated at one frequency is that of this frequency."""
+    if table is None:
         return
-    time = f"{1e3 * found['time']:.3g} ms"
+    time = f"{1e3 * table['time']:.3g} ms"
     relaxed = f"If a tenth of the stiffness relaxed within {time}, that would be"
-    for name, like in found["looks_like"].items():
+    for name, like in table["looks_like"].items():
         yield (
-            f"not included: this is the {name} at {found['frequency']:.3g} Hz. {relaxed} "
+            f"not included: this is the {name} at {table['frequency']:.3g} Hz. {relaxed} "
             f"{_shown(like['value'], like['unit'])} of it without a trace in the residual; "
             "only another frequency shows it"
         )
 
 
 def _corrected(value: Mapping[str, Any]) -> str:
-    """The value less its known bias, with the remaining uncertainty."""
+    """Return the value less its known bias, with the remaining uncertainty."""
     if value.get("corrected") is None:
         return ""
     combined = value.get("corrected_combined")
@@ -184,6 +197,7 @@ def _corrected(value: Mapping[str, Any]) -> str:
 
 
 def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:
+    """Return the contribution of a source to a value, with its per cent; empty without one."""
     if effect is None or effect["contribution"] is None:
         return ""
     share = effect["percent"]
@@ -192,12 +206,13 @@ def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:
 
 
 def _combined(value: Mapping[str, Any]) -> str:
+    """Return the combined uncertainty of a value, with its per cent."""
     if value["combined"] is None or not (number := estimate_of(value)):
         return "?"
     return f"{_shown(value['combined'], value['unit'])} ({100 * value['combined'] / abs(number):.2g} %)"
 
 
 def _shown(value: float, unit: str) -> str:
-    """A number in display units."""
-    written, scale = display_unit(unit)
-    return f"{value * scale:.3g} {written}".removesuffix(" 1").rstrip()
+    """Return a number in display units."""
+    symbol, factor = display_unit(unit)
+    return f"{value * factor:.3g} {symbol}".removesuffix(" 1").rstrip()

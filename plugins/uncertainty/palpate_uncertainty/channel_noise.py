@@ -13,9 +13,14 @@ from palpate_kit.numerics.tip_travel import median
 
 Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a sample belongs to
 
-ENOUGH = 200  # samples at standstill
-OUTLIER = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
-_MAX_ORDER = 30  # order of the autoregression
+ENOUGH = 200  # samples at standstill (choice)
+OUTLIER = 6.0  # standard deviations (choice); a value beyond them is an outlier, which is flagged as such
+MEDIAN_TO_STD = 1.4826  # standard deviation of normal noise over the median of its absolute value
+_MAX_ORDER = 30  # of the autoregression (choice)
+_SAMPLES_PER_COEFFICIENT = 20  # of an autoregression, at least (choice)
+_ERRORS_OF_SUM = 2.5  # standard errors by which the sum of the coefficients may be too large (choice)
+_MIN_WHITENING = 1e-3  # of slow noise, that whitening leaves at least; a choice that bounds the excess
+_SMALLEST_POWER = 1e-300  # in a logarithm, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -28,25 +33,25 @@ class Null:
     excess: float = 1.0  # variance that slow means of whitened noise may have, by what is not known of the coefficients
 
     def whitened(self, values: Floats, runs: Runs) -> tuple[Floats, NDArray[np.bool_]]:
-        """White noise (n,) where `values` (n,) are this noise, and which samples have all that it takes (n,)."""
+        """Return e (n,) of values x (n,), and True (n,) for the samples that have all that e takes."""
         white = values.copy()
-        known = np.isfinite(values)
+        has_past = np.isfinite(values)
         for lag, share in enumerate(self.coefficients.tolist(), start=1):
             white[lag:] -= share * values[:-lag]
-            known[:lag] = False
-            known[lag:] &= (runs[lag:] == runs[:-lag]) & np.isfinite(values[:-lag])
-        return white, known
+            has_past[:lag] = False
+            has_past[lag:] &= (runs[lag:] == runs[:-lag]) & np.isfinite(values[:-lag])
+        return white, has_past
 
 
 def without_outliers(white: Floats) -> Floats:
-    """Values (n,) with what is beyond 6 standard deviations, by their median size, brought back to these."""
+    """Return values (n,), those beyond 6 standard deviations (by their median size) clipped to these."""
     scale = deviation(white)
     return np.clip(white, -OUTLIER * scale, OUTLIER * scale) if scale else white
 
 
 def deviation(values: Floats) -> float:
-    """Standard deviation of normal values (n,), by the median of their distances from their median."""
-    return 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
+    """Return the standard deviation of normal values (n,), by the median of their distances from their median."""
+    return MEDIAN_TO_STD * median(np.abs(values - median(values))) if len(values) else 0.0
 
 
 WHITE = Null(np.zeros(0), 0, "assumed")
@@ -54,45 +59,48 @@ WHITE = Null(np.zeros(0), 0, "assumed")
 
 def null_of(noise: Floats, source: Literal["standstill", "residual"] = "standstill") -> Null:
     """Return the autoregression (Burg 1968) of the order that BIC prefers; white where samples are too few."""
-    known = noise[np.isfinite(noise)]
-    n = len(known)
-    if n < ENOUGH or float(np.ptp(known)) == 0.0:
+    noise = noise[np.isfinite(noise)]
+    n = len(noise)
+    if n < ENOUGH or float(np.ptp(noise)) == 0.0:
         return WHITE
-    known = known - known.mean()
-    best, best_bic = np.zeros(0), n * math.log(float(np.mean(known**2)))
-    for order, (coefficients, power) in enumerate(_burg(known, min(_MAX_ORDER, n // 20)), start=1):
-        bic = n * math.log(max(power, 1e-300)) + order * math.log(n)
+    noise = noise - noise.mean()
+    best, best_bic = np.zeros(0), n * math.log(float(np.mean(noise**2)))
+    max_order = min(_MAX_ORDER, n // _SAMPLES_PER_COEFFICIENT)
+    for order, (coefficients, power) in enumerate(_burg(noise, max_order), start=1):
+        bic = n * math.log(max(power, _SMALLEST_POWER)) + order * math.log(n)
         if bic < best_bic:
             best, best_bic = coefficients, bic
-    return Null(best, n, source, _excess(known, best) if len(best) else 1.0)
+    return Null(best, n, source, _excess(noise, best) if len(best) else 1.0)
 
 
 def _excess(noise: Floats, coefficients: Floats) -> float:
-    """((1 - c + 2.5 u)/(1 - c))^2, c the sum of the coefficients and u its standard error: the slow noise left at most.
+    """Return ((1 - c + 2.5 u)/(1 - c))^2: the variance that slow means of whitened noise have at most.
 
-    The coefficients' covariance is s^2 R^-1/n (Brockwell and Davis 1991, section 8.10).
+    c is the sum of the coefficients, and u its standard error by their covariance s^2 R^-1/n, in which R (p, p) are the
+    autocovariances and s^2 is the power of the white noise (Brockwell and Davis 1991, section 8.10).
     """
     n, order = len(noise), len(coefficients)
     lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-    gamma = np.array([float((noise[lag:] * noise[: n - lag]).sum()) / n for lag in range(order + 1)])
-    power = max(float(gamma[0] - coefficients @ gamma[1:]), 0.0)
-    error = np.sqrt(max(power * float(np.linalg.solve(gamma[lags], np.ones(order)).sum()), 0.0) / n)
-    rest = max(1.0 - float(coefficients.sum()), 1e-3)
-    return float(((rest + 2.5 * error) / rest) ** 2)
+    autocovariance = np.array([float((noise[lag:] * noise[: n - lag]).sum()) / n for lag in range(order + 1)])
+    power = max(float(autocovariance[0] - coefficients @ autocovariance[1:]), 0.0)
+    variance = power * float(np.linalg.solve(autocovariance[lags], np.ones(order)).sum())
+    error = np.sqrt(max(variance, 0.0) / n)
+    whitening = max(1.0 - float(coefficients.sum()), _MIN_WHITENING)
+    return float(((whitening + _ERRORS_OF_SUM * error) / whitening) ** 2)
 
 
-def _burg(values: Floats, highest: int) -> list[tuple[Floats, float]]:
-    """Coefficients (p,) and the power of what is left, for the orders 1 to `highest`."""
+def _burg(values: Floats, max_order: int) -> list[tuple[Floats, float]]:
+    """Return the coefficients (p,) and the power of the whitened noise, for the orders 1 to `max_order`."""
     forward, backward = values[1:], values[:-1]
     coefficients, power = np.zeros(0), float(values @ values) / len(values)
-    found = []
-    for _ in range(highest):
+    autoregressions = []
+    for _ in range(max_order):
         energy = float(forward @ forward + backward @ backward)
         if energy <= 0:
             break
         reflection = 2.0 * float(forward @ backward) / energy
         coefficients = np.concatenate([coefficients - reflection * coefficients[::-1], [reflection]])
         power *= 1.0 - reflection**2
-        found.append((coefficients, power))
+        autoregressions.append((coefficients, power))
         forward, backward = (forward - reflection * backward)[1:], (backward - reflection * forward)[:-1]
-    return found
+    return autoregressions

@@ -28,6 +28,7 @@ from palpate_uncertainty.held_out import held_out
 from palpate_uncertainty.model_standings import Candidate, ModelStanding, rank_models, sentence
 
 _FIT = "casadi-fit"
+_MISFIT_FLAGS = ("lack-of-fit", "model-discrepancy")
 
 
 def choose(
@@ -49,27 +50,29 @@ def choose(
     By the evidence (BIC by independent samples), by blocks of each record held out of a fit, and by whether what
     is left is the channel's noise.
     """
-    wanted = [name.strip() for name in models.split(",") if name.strip()] if models else []
-    found = [candidate for run in runs for candidate in _of_source(run, wanted, where, overrides or [])]
-    standings = rank_models(found)
-    said = sentence(standings, len({one.record for one in found}))
+    requested = [name.strip() for name in models.split(",") if name.strip()] if models else []
+    fits = [candidate for run in runs for candidate in _of_source(run, requested, where, overrides or [])]
+    standings = rank_models(fits)
+    evidence = sentence(standings, len({fit.record for fit in fits}))
     if as_json:
-        print_json({"standings": standings, "candidates": [_row(one) for one in found], "sentence": said})
+        print_json({"standings": standings, "candidates": [_row(fit) for fit in fits], "sentence": evidence})
         return
     console().print(_table(standings).view(), highlight=False)
-    console().print(said, highlight=False)
-    for one in found:
-        if one.doubts:
-            text = f"{one.record}, {one.model}: {one.verdict} ({', '.join(one.doubts)})"
+    console().print(evidence, highlight=False)
+    for fit in fits:
+        if fit.doubts:
+            text = f"{fit.record}, {fit.model}: {fit.verdict} ({', '.join(fit.doubts)})"
             console().print(text, style="yellow", markup=False, highlight=False)
 
 
-def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: Sequence[str]) -> Iterator[Candidate]:
-    """Every model on a record, or on each curve of a folder of fits that no review has rejected; raises UserError."""
+def _of_source(
+    path: Path, requested: Sequence[str], where: str | None, overrides: Sequence[str]
+) -> Iterator[Candidate]:
+    """Yield every model on a record, or on each curve of a folder of fits that is not rejected; raises UserError."""
     if not is_fit_folder(path):
         if where is not None:
             raise ConfigurationError(f"--where: {path} is not a folder of fits of many curves")
-        yield from candidates(path, _source(path, wanted, overrides))
+        yield from candidates(path, _source(path, requested, overrides))
         return
     folder = FitFolder(path)
     chosen = {row.curve for row in curve_filter(where, folder).choose(folder.rows) if row.rejected is None}
@@ -82,11 +85,11 @@ def _of_source(path: Path, wanted: Sequence[str], where: str | None, overrides: 
         source = curve_source(folder, curve.name)
         for assignment in overrides:
             source.override(assignment)
-        yield from candidates(Path(curve.name), with_candidates(source, path / SETTINGS, wanted))
+        yield from candidates(Path(curve.name), with_candidates(source, path / SETTINGS, requested))
 
 
 def candidates(path: Path, source: Source) -> list[Candidate]:
-    """Every model of a pipeline on one record; raises UserError."""
+    """Return every model of a pipeline on one record; raises UserError."""
     from palpate_engine import run_pipeline
 
     pipeline = build_pipeline(source)
@@ -106,27 +109,36 @@ def candidates(path: Path, source: Source) -> list[Candidate]:
 
 
 def _blocks(pipeline: Pipeline, place: int, samples: Samples) -> Floats:
+    """Return the errors (4,) [N] of a track's forecasts of blocks that are held out."""
     track, settings = pipeline.tracks[place], pipeline.alignment
     problem = Problem(track.model, settings.tip_mass, force_zero=settings.force_zero)
     return held_out(track.model, track.estimator, problem, samples)
 
 
-def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> Candidate:
-    report, value = found.report, found.parameters.get("elasticity")
-    value = value or next((one.found for one in found.derived if one.name == "elasticity"), None)
+def _candidate(record: str, model: str, track: TrackResult, blocks: Floats) -> Candidate:
+    """Return one model on one record, by its track's result and the errors of its held-out blocks (4,) [N]."""
+    report, elasticity = track.report, track.parameters.get("elasticity")
+    elasticity = elasticity or next((item.found for item in track.derived if item.name == "elasticity"), None)
+    is_estimated = elasticity is not None and np.isfinite(elasticity.value)
     bic, share = np.nan, 1.0
     if report is not None and report.bic is not None:
         bic, share = report.bic, min((report.effective_samples or report.samples) / max(report.samples, 1), 1.0)
     return Candidate(
-        record, model, float(bic), float(share), blocks, report.rms if report else np.nan,
-        any(flag.code in ("lack-of-fit", "model-discrepancy") for flag in found.flags), found.verdict,
-        (float(value.value), float(value.combined)) if value is not None and np.isfinite(value.value) else None,
-        tuple(dict.fromkeys(flag.code for flag in found.flags if flag.severity != "note")),
-    )  # fmt: skip
+        record=record,
+        model=model,
+        bic=float(bic),
+        share=float(share),
+        blocks=blocks,
+        rms=report.rms if report else np.nan,
+        misfit=any(flag.code in _MISFIT_FLAGS for flag in track.flags),
+        verdict=track.verdict,
+        elasticity=(float(elasticity.value), float(elasticity.combined)) if elasticity and is_estimated else None,
+        doubts=tuple(dict.fromkeys(flag.code for flag in track.flags if flag.severity != "note")),
+    )
 
 
-def _source(path: Path, wanted: Sequence[str], overrides: Sequence[str]) -> Source:
-    """The pipeline of a record, by its file, its log, or a suggestion, with one fit of every candidate."""
+def _source(path: Path, requested: Sequence[str], overrides: Sequence[str]) -> Source:
+    """Return the pipeline of a record, by its file, its log, or a suggestion, with one fit of every candidate."""
     if path.suffix == ".toml":
         source = Source.read(path)
     elif (carried := read_run_log(path)) is not None:
@@ -135,11 +147,11 @@ def _source(path: Path, wanted: Sequence[str], overrides: Sequence[str]) -> Sour
         source = _suggested(path)
     for assignment in overrides:
         source.override(assignment)
-    return with_candidates(source, path, wanted)
+    return with_candidates(source, path, requested)
 
 
 def _suggested(log: Path) -> Source:
-    """What is suggested for a log that carries no pipeline; raises LogError where something must be filled in."""
+    """Return the suggested pipeline of a log that carries none; raises LogError where a blank must be filled in."""
     suggestion = suggestion_of(log, {})
     if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
         remedy = f"palpate info {log} --suggest -o log.toml, then give log.toml"
@@ -149,50 +161,52 @@ def _suggested(log: Path) -> Source:
     return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
 
 
-def with_candidates(source: Source, path: Path, wanted: Sequence[str]) -> Source:
-    """A pipeline with one fit of every candidate; raises ConfigurationError."""
+def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Source:
+    """Return a pipeline with one fit of every candidate; raises ConfigurationError."""
     tables = source.tables
-    known: dict[str, Any] = tables.setdefault("model", {})
-    wanted = [name if name in known else registry.load().named("model", name) for name in wanted]
-    for name in wanted:
-        if name not in known:
+    models: dict[str, Any] = tables.setdefault("model", {})
+    requested = [name if name in models else registry.load().named("model", name) for name in requested]
+    for name in requested:
+        if name not in models:
             try:
-                known[name] = added_table("model", name, tables)
+                models[name] = added_table("model", name, tables)
             except ConfigurationError as error:
-                raise ConfigurationError(f"--models: {name!r}: {error}{suggest(name, known)}") from error
-    names = list(wanted) or list(known)
+                raise ConfigurationError(f"--models: {name!r}: {error}{suggest(name, models)}") from error
+    names = list(requested) or list(models)
     if len(names) < 2:
         raise ConfigurationError(f"{path}: has one model ({', '.join(names)}); name others with --models")
-    fits = tables.setdefault("estimator", {})
-    own = next((name for name, table in fits.items() if table.get("type") == _FIT), None)
-    if own is None:
-        own = _FIT
-        fits[own] = {"type": _FIT}
-    tables.setdefault("run", {})["tracks"] = [f"{name}/{own}" for name in names]
+    estimators = tables.setdefault("estimator", {})
+    fit = next((name for name, table in estimators.items() if table.get("type") == _FIT), None)
+    if fit is None:
+        fit = _FIT
+        estimators[fit] = {"type": _FIT}
+    tables.setdefault("run", {})["tracks"] = [f"{name}/{fit}" for name in names]
     tables.pop("sink", None)
     return source
 
 
 def _table(standings: Sequence[ModelStanding]) -> Table:
-    word, factor = display_unit("Pa")
+    """Return the table of models on the screen."""
+    unit, factor = display_unit("Pa")
     rows = [
         [
-            one.model, f"{one.behind:.3g}", f"{100 * one.weight:.0f}", f"{one.held_out:.4f}",
-            f"{one.best_blocks} of {one.blocks}", f"{one.misfits} of {one.records}",
-            "-" if one.elasticity is None else value_with_uncertainty(*(factor * value for value in one.elasticity)),
+            item.model, f"{item.behind:.3g}", f"{100 * item.weight:.0f}", f"{item.held_out:.4f}",
+            f"{item.best_blocks} of {item.blocks}", f"{item.misfits} of {item.records}",
+            "-" if item.elasticity is None else value_with_uncertainty(*(factor * value for value in item.elasticity)),
         ]
-        for one in standings
+        for item in standings
     ]  # fmt: skip
     headings = [
         "model", "BIC behind", "weight\n%", "held out\nN", "best in\nblocks", "lack of fit\nrecords",
-        f"elasticity\n{word}",
+        f"elasticity\n{unit}",
     ]  # fmt: skip
     return Table.of("models by the evidence of the data", headings, rows, ["model"])
 
 
-def _row(one: Candidate) -> dict[str, Any]:
+def _row(candidate: Candidate) -> dict[str, Any]:
+    """Return a candidate as in the JSON document."""
     return {
-        "record": one.record, "model": one.model, "bic": one.bic, "independent": one.share,
-        "held_out": one.blocks.tolist(), "rms": one.rms, "lack_of_fit": one.misfit, "verdict": one.verdict,
-        "elasticity": one.elasticity, "doubts": list(one.doubts),
+        "record": candidate.record, "model": candidate.model, "bic": candidate.bic, "independent": candidate.share,
+        "held_out": candidate.blocks.tolist(), "rms": candidate.rms, "lack_of_fit": candidate.misfit,
+        "verdict": candidate.verdict, "elasticity": candidate.elasticity, "doubts": list(candidate.doubts),
     }  # fmt: skip

@@ -12,6 +12,8 @@ from palpate_uncertainty.alternative_fit import Refit
 from palpate_uncertainty.channel_noise import Null, Runs, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 
+_SMALLEST_VARIANCE = 1e-300  # in a quotient, in place of 0: near the smallest double
+
 
 @dataclass(frozen=True)
 class DirectedTest:
@@ -19,28 +21,31 @@ class DirectedTest:
 
     p: float
     share: float  # of the variance
-    bic: float  # less than that of the model, by so much
+    bic: float  # of the model, less that of the alternative
 
 
 def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null) -> dict[str, DirectedTest]:
-    """By reason, the test of each alternative that adds numbers to the model.
+    """Return, by reason, the test of each alternative that adds numbers to the model.
 
     Under the model an alternative of m more numbers takes a chi square of m degrees of freedom from the sum of squares
-    of the whitened residuals over their variance (Wilks 1938). A pattern below the noise of single samples, which means
-    over bins or lags miss, shows so. The variance of slow means that the null does not know divides it.
+    of the whitened residuals over their variance (Wilks 1938). This shows a pattern below the noise of single samples,
+    which means over bins or lags miss. The variance of slow means that the null leaves open divides it.
     """
-    left = _whitened(base.residual, runs, null)
-    n, found = max(len(left), 1), {}
+    residual = _whitened(base.residual, runs, null)
+    n = max(len(residual), 1)
+    tests: dict[str, DirectedTest] = {}
     for other in others:
-        if other.reason and other.extra:
-            less = _whitened(other.residual, runs, null)
-            power = max(float(np.mean(less**2)), 1e-300)
-            gain = max(float(np.sum(left**2)) / power - len(left), 0.0) / null.excess
-            bic = gain - other.extra * float(np.log(n))
-            found[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic)
-    return found
+        if not (other.reason and other.extra):
+            continue
+        remainder = _whitened(other.residual, runs, null)
+        variance = max(float(np.mean(remainder**2)), _SMALLEST_VARIANCE)
+        gain = max(float(np.sum(residual**2)) / variance - len(residual), 0.0) / null.excess
+        bic = gain - other.extra * float(np.log(n))
+        tests[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic)
+    return tests
 
 
 def _whitened(residual: Floats, runs: Runs, null: Null) -> Floats:
-    white, known = null.whitened(residual, runs)
-    return without_outliers(white[known])
+    """Return the whitened residual of the samples that have a past, outliers clipped."""
+    white, has_past = null.whitened(residual, runs)
+    return without_outliers(white[has_past])

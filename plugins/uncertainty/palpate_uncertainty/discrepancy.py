@@ -1,4 +1,4 @@
-"""Model discrepancy: what a law that does not describe a record to its noise leaves open of every value, and its cause.
+"""Model discrepancy: the uncertainty of every value by a law that does not describe a record to its noise.
 
 A misfit is *visible*: its mean square s^2 in contact is what the residual has beyond the noise. A part of it that lies
 along the derivatives of the force by the fitted parameters is taken by them, and is hidden. With a misfit that is
@@ -22,8 +22,8 @@ from palpate_kit.numerics.normal_equations import standard_errors
 
 from palpate_uncertainty.causes import cause_label, cause_of, cause_words, sign_of
 
-# Patterns m that a misfit is spread over. Chosen on point palpations of one silicone by two tips, whose E and eta agree
-# within the uncertainty that follows; 2 and 8 give the same verdicts.
+# Choices. The patterns m that a misfit is spread over were chosen on point palpations of one silicone by two tips: E
+# and eta of both agree within the uncertainty that follows. 2 and 8 give the same verdicts.
 PATTERNS = 4.0  # independent patterns of a misfit, by the root of whose number its effect on a value is divided
 VISCOUS_PATTERNS = 2.0  # a viscosity follows slow patterns of the loading alone
 RIVAL_EVIDENCE = 0.7  # of the evidence of a cause of the rig, below which no cause of the material rivals it
@@ -33,6 +33,8 @@ NO_FIT = 0.3  # of the force's own variation in contact, above which a misfit is
 FARTHEST = 10.0  # times its typical size, from which on an alternative explains nothing
 _CHECK_READING = "Check sign, column and unit of force and height, then tip and law (`palpate fit choose --help`)."
 NEARLY = 0.7  # of what the best alternative explains, from which on a second one is named
+_SHOWN_P = 1e-99  # that a number of two digits in its exponent can state
+_SMALLEST_CHI_SQUARE = 1e-300  # in a quotient, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class Misfit:
 
     @property
     def wrong_facts(self) -> list[str]:
-        """Causes of the rig that explain the residual about equally well, where none of the material rivals them."""
+        """The causes of the rig that explain the residual about equally well, if none of the material rivals them."""
         evidence = {name: explanation.evidence for name, explanation in self.explanations.items()}
         of_rig = sorted((name for name in evidence if cause_of(name).of_rig), key=lambda name: -evidence[name])
         if not of_rig:
@@ -94,7 +96,7 @@ class Misfit:
         return [name for name in of_rig if evidence[name] >= NEARLY * evidence[best]]
 
     def uncertainty(self, parameters: Sequence[Parameter]) -> Floats:
-        """Standard uncertainties (k + 1,) [SI] of parameters and surface by the misfit, 0 for what is fixed."""
+        """Return the uncertainties (k + 1,) [SI] of parameters and surface by the misfit, 0 for what is fixed."""
         fitted = np.asarray(self.is_fitted)
         unit = np.zeros(len(fitted))
         unit[fitted] = spread_of(self.jacobian[:, fitted])
@@ -103,7 +105,7 @@ class Misfit:
 
 
 def spread_of(jacobian: Floats) -> Floats:
-    """Standard uncertainties (f,) by a misfit of 1 N^2 in one pattern: sqrt(diag(n (J^T J)^-1)), J (n, f)."""
+    """Return the uncertainties (f,) by a misfit of 1 N^2 in one pattern: sqrt(diag(n (J^T J)^-1)), J (n, f)."""
     return standard_errors(jacobian) * math.sqrt(len(jacobian))
 
 
@@ -111,41 +113,21 @@ def judge_misfit(
     misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str, is_layer: bool = False
 ) -> Diagnosed:
     """Return the row of the budget that a misfit adds, with its note or its finding; `about` ends the sentence.
-    `is_layer`: the model has a layer of a stated height.
 
-    A misfit of the material is a note: the row holds what it does. A fact of the rig that explains it better is a
-    finding, as far as that moves a value beyond its uncertainty, this row included.
+    A misfit of the material is a note: the row holds its effect. A fact of the rig that explains it better is a
+    finding, if that moves a value beyond its uncertainty, this row included. `is_layer` states that the model has a
+    layer of a stated height.
     """
     names = [parameter.name for parameter in parameters]
     *uncertainties, surface = misfit.uncertainty(parameters).tolist()
     row = dict(zip(names, uncertainties, strict=True))
-    level = f"p {misfit.p:.0e}" if misfit.p > 1e-99 else "p < 1e-99"
-    likely = (
-        f"; likely {' or '.join(map(cause_words, misfit.causes))}" if misfit.causes else "; no alternative explains it"
-    )
-    text = f"the residual is not the noise of the channel ({level}){likely}{about}"
-    flags = []
     if not misfit.is_of_the_law:
-        size = 100.0 * math.sqrt(misfit.excess) / misfit.variation
-        text = f"the law does not describe the record: {size:.0f} % of the force's variation remain"
-        flags.append(
-            Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=(), remedy=_CHECK_READING)
-        )
+        flags = [_no_law(misfit, names)]
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
-        flags.append(_of_a_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), about))
+        flags = [_wrong_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), about)]
     else:
-        suspects = tuple(dict.fromkeys(map(cause_label, misfit.causes)))
-        flags.append(Flag("model-discrepancy", text, effects=row, suspects=suspects))
-        if moving := [name for name in misfit.causes[:1] if cause_of(name).moves]:
-            viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]
-            text = f"{cause_words(moving[0])} acts with the speed as a viscosity does, so that none is bounded"
-            flags.append(
-                Flag(
-                    "lack-of-fit", text, effects=dict.fromkeys(viscous, math.inf), causes=(),
-                    remedy=cause_of(moving[0]).remedy, suspects=(cause_label(moving[0]),),
-                )
-            )  # fmt: skip
+        flags = _of_the_material(misfit, parameters, row, about)
     table = dict(table) | {
         "reasons": misfit.causes,
         "wrong_facts": misfit.wrong_facts,
@@ -156,14 +138,47 @@ def judge_misfit(
     return Diagnosed(tuple(flags), row, table=table, surface=surface)
 
 
-def _of_a_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], about: str) -> Flag:
-    """Return the finding that a fact of the rig is wrong: the sign of it, and how much of the misfit it explains."""
+def _no_law(misfit: Misfit, names: Sequence[str]) -> Flag:
+    """Return the finding that a law describes so little of a record that none of its values counts."""
+    percent = 100.0 * math.sqrt(misfit.excess) / misfit.variation
+    text = f"the law does not describe the record: {percent:.0f} % of the force's variation remain"
+    return Flag("lack-of-fit", text, effects=dict.fromkeys(names, math.inf), causes=(), remedy=_CHECK_READING)
+
+
+def _of_the_material(
+    misfit: Misfit, parameters: Sequence[Parameter], row: Mapping[str, float], about: str
+) -> list[Flag]:
+    """Return the note on a misfit of the material, and a finding if its likeliest cause acts as a viscosity does."""
+    level = f"p {misfit.p:.0e}" if misfit.p > _SHOWN_P else "p < 1e-99"
+    likely = "no alternative explains it"
+    if misfit.causes:
+        likely = f"likely {' or '.join(map(cause_words, misfit.causes))}"
+    text = f"the residual is not the noise of the channel ({level}); {likely}{about}"
+    suspects = tuple(dict.fromkeys(map(cause_label, misfit.causes)))
+    flags = [Flag("model-discrepancy", text, effects=row, suspects=suspects)]
+    for name in misfit.causes[:1]:
+        cause = cause_of(name)
+        if cause.moves:
+            viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]
+            text = f"{cause_words(name)} acts with the speed as a viscosity does, so that none is bounded"
+            effects = dict.fromkeys(viscous, math.inf)
+            flags.append(
+                Flag(
+                    "lack-of-fit", text, effects=effects, causes=(), remedy=cause.remedy,
+                    suspects=(cause_label(name),),
+                )
+            )  # fmt: skip
+    return flags
+
+
+def _wrong_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], about: str) -> Flag:
+    """Return the finding that a fact of the rig is wrong: its sign, and the share of the misfit that it explains."""
     suspects = tuple(name for name in misfit.causes if name in misfit.wrong_facts) or tuple(misfit.wrong_facts[:1])
     best = misfit.explanations[suspects[0]]
-    share = min(100.0 * best.gain / max(misfit.pattern, 1e-300), 100.0)
+    percent = min(100.0 * best.gain / max(misfit.pattern, _SMALLEST_CHI_SQUARE), 100.0)
     sign = sign_of(suspects[0], is_layer, best.times)
-    words = " or ".join(dict.fromkeys(cause_words(name, is_layer) for name in suspects))
-    text = f"{sign}; {words} would explain {share:.0f} % of it{about}"
+    facts = " or ".join(dict.fromkeys(cause_words(name, is_layer) for name in suspects))
+    text = f"{sign}; {facts} would explain {percent:.0f} % of it{about}"
     remedy, keys = cause_of(suspects[0]).remedy, tuple(dict.fromkeys(map(cause_label, suspects)))
     return Flag("lack-of-fit", text, effects=effects, causes=(), remedy=remedy, suspects=keys)
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from palpate import Flag
 
-_MIN_SHARE = 0.01  # of a parameter
+_MIN_SHARE = 0.01  # of a parameter, a choice: a smaller shift has no sentence
 
 
 def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
-    """Parameters that a robot which gives way shifts by more than a hundredth; `shares` of their values by name."""
+    """Yield the flag of parameters that a robot's compliance shifts by over 1 %; `shares` of their values by name."""
     strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _MIN_SHARE]
     if stiffness is not None and strong:
         yield Flag(

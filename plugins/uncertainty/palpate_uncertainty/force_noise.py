@@ -10,16 +10,21 @@ from palpate import Floats, LastDigit, SampleStore, TrackEvidence
 
 from palpate_uncertainty.channel_noise import null_of
 
-AIR, READINGS = 0.2, 100  # [s] and readings without contact that determine the noise
+# Choices, unless a source is named.
+AIR = 0.2  # [s] without contact that determines the noise
+READINGS = 100  # without contact that determine the noise
 REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
 _AIR_HEIGHT_SHARE = 0.05  # of the way in contact, above which the air before it is air
-_BAND_BEGIN = 0.125  # of the band, from which on what a model leaves is noise
+_BAND_BEGIN = 0.125  # of the band, from which on the residual of a model is noise
+_BAND_PARTS = 4  # of the band, whose powers are compared
 _FLATNESS_RATIO = 1.5  # by which parts of a flat band differ at most
 _FLATNESS_DEVIATIONS = 3.8  # standard deviations, the same of few readings
 _MIN_CHANGE_SHARE = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
+_MAX_REPEAT_SHARE = 0.02  # of the readings that equal the one before, above which the force comes in steps
 _HANN_VARIANCE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
-LAW_ROUNDING = 2e-6  # of the range of the force, that a fit of a computed force leaves where contact sets in
+LAW_ROUNDING = 2e-6  # of the range of the force: the residual of a fit of a computed force where contact sets in
 _MIN_STEP_NOISES = 0.5  # of the noise, above which a step of the readings counts in addition
+_SMALLEST_SQUARE = 1e-300  # in a quotient, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -32,31 +37,30 @@ class ForceNoise:
     excess: float = 1.0  # of the variance of slow means, by what is not known of the coefficients
 
     @classmethod
-    def of(cls, track: TrackEvidence, left: Floats) -> ForceNoise | None:
-        """From standstill, else from the air before the contact, else from the upper band of what is left (n,) [N].
+    def of(cls, track: TrackEvidence, residual: Floats) -> ForceNoise | None:
+        """Return the noise at standstill, else of the air before the contact, else of a residual's (n,) [N] upper band.
 
-        Where the last digit exceeds all of these, it is the noise. None where it is open.
+        Where the last digit exceeds all of these, it is the noise. None where the noise remains open.
         """
         if (rounding := rounding_noise(track)) is not None:
             return rounding
-        rest = air_readings(track)
-        if rest is None:
-            return upper_band(left, track.kept.force)
-        null, std = null_of(rest), float(np.std(rest, ddof=1))
+        air = air_readings(track)
+        if air is None:
+            return upper_band(residual, track.kept.force)
+        null, std = null_of(air), float(np.std(air, ddof=1))
+        # Readings in steps add noise that the air need not show.
         steps, digit = np.abs(np.diff(track.kept.force)), LastDigit.of(track.kept.force)
-        share = float(np.mean(steps == 0)) if len(steps) else 0.0
-        if (
-            share > 0.02 or digit.step > _MIN_STEP_NOISES * std
-        ):  # readings in steps: those add noise that the air need not show
+        repeat_share = float(np.mean(steps == 0)) if len(steps) else 0.0
+        if repeat_share > _MAX_REPEAT_SHARE or digit.step > _MIN_STEP_NOISES * std:
             std = float(np.hypot(std, digit.noise))
-        return cls(std, null.coefficients, len(rest), null.excess) if std > 0 else None
+        return cls(std, null.coefficients, len(air), null.excess) if std > 0 else None
 
     def spectrum(self, n: int) -> Floats:
-        """Power (m,) [N^2] over the frequencies of a real transform of n points."""
+        """Return the power (m,) [N^2] over the frequencies of a real transform of n points."""
         inverse = np.abs(np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), n)) ** -2
         # Over all n frequencies the mean is the variance.
-        whole = 2.0 * inverse.sum() - inverse[0] - (inverse[-1] if n % 2 == 0 else 0.0)
-        return np.asarray(inverse * self.std**2 * n / whole)
+        total = 2.0 * inverse.sum() - inverse[0] - (inverse[-1] if n % 2 == 0 else 0.0)
+        return np.asarray(inverse * self.std**2 * n / total)
 
 
 def rounding_noise(track: TrackEvidence) -> ForceNoise | None:
@@ -75,60 +79,66 @@ def _rounding_noise(kept: SampleStore) -> ForceNoise | None:
 
 
 def air_readings(track: TrackEvidence) -> Floats | None:
-    """Force (n,) [N] without contact that shows the noise: at standstill, else on the way; None where it is short."""
-    known = np.isfinite(track.air_force)
-    time, force, place = track.air_time[known], track.air_force[known], track.air_position[known]
+    """Return the force (n,) [N] without contact: at standstill, else on the way in; None where both are too short."""
+    is_finite = np.isfinite(track.air_force)
+    time, force, height = track.air_time[is_finite], track.air_force[is_finite], track.air_position[is_finite]
     if len(time) < READINGS:
         return None
-    until = standstill_count(time, place)
-    if until < READINGS or time[until - 1] - time[0] < AIR:
+    count = standstill_count(time, height)
+    if count < READINGS or time[count - 1] - time[0] < AIR:
         kept = track.kept.position
         way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
-        near = place < track.surface + _AIR_HEIGHT_SHARE * way
-        until = int(np.argmax(near)) if near.any() else len(place)
-    if until < READINGS or time[until - 1] - time[0] < AIR:
+        is_near = height < track.surface + _AIR_HEIGHT_SHARE * way
+        count = int(np.argmax(is_near)) if is_near.any() else len(height)
+    if count < READINGS or time[count - 1] - time[0] < AIR:
         return None
-    return np.asarray(force[:until])
+    return np.asarray(force[:count])
 
 
-def standstill_count(time: Floats, place: Floats) -> int:
-    """Return how many of the first readings, at times (n,) [s] and heights (n,) [m], are of a tip at rest.
+def standstill_count(time: Floats, height: Floats) -> int:
+    """Return the number of first readings, at times (n,) [s] and heights (n,) [m], at which the tip is at rest.
 
-    A tip moves where it is off the mean of the first moments by more than heights scatter there about a line, and by
-    more than their resolution. It does not begin at rest where that line rises by as much.
+    A tip moves if it is off the mean of the first moments by more than 6 times the scatter of the heights about a line
+    there, plus their resolution. It does not begin at rest if that line rises by as much.
     """
-    known = np.isfinite(place)
-    if not known.any():
-        return len(place)
-    # The first moments: as long as is needed to determine a noise.
-    window = known & (np.arange(len(place)) < READINGS) | known & (time <= time[0] + AIR)
+    is_finite = np.isfinite(height)
+    if not is_finite.any():
+        return len(height)
+    # The first moments: as long as a noise needs.
+    window = is_finite & (np.arange(len(height)) < READINGS) | is_finite & (time <= time[0] + AIR)
     if not window.any():
         return 0
-    centred, level = time[window] - np.mean(time[window]), float(np.mean(place[window]))
-    slope = float(centred @ place[window]) / max(float(centred @ centred), 1e-300)
-    scatter = float(np.std(place[window] - level - slope * centred))
-    steps = np.abs(np.diff(place[known]))
-    limit = REST * scatter + float(np.min(steps[steps > 0], initial=np.inf) if (steps > 0).any() else 0.0)
+    # The line through them, and the scatter about it.
+    centred, level = time[window] - np.mean(time[window]), float(np.mean(height[window]))
+    slope = float(centred @ height[window]) / max(float(centred @ centred), _SMALLEST_SQUARE)
+    scatter = float(np.std(height[window] - level - slope * centred))
+    steps = np.abs(np.diff(height[is_finite]))
+    resolution = float(np.min(steps[steps > 0], initial=np.inf) if (steps > 0).any() else 0.0)
+    limit = REST * scatter + resolution
     if abs(slope) * float(np.ptp(centred)) > limit:
         return 0
-    moving = np.abs(place - level) > limit
-    return int(np.argmax(moving)) if moving.any() else len(place)
+    is_moving = np.abs(height - level) > limit
+    return int(np.argmax(is_moving)) if is_moving.any() else len(height)
 
 
-def upper_band(left: Floats, readings: Floats) -> ForceNoise | None:
-    """White noise of at most the power of the upper band of what a model has left (n,) [N] of readings (m,) [N].
+def upper_band(residual: Floats, readings: Floats) -> ForceNoise | None:
+    """Return white noise of at most the power of the upper band of a residual (n,) [N] of readings (m,) [N].
 
-    None where that is not flat, or below the step of the readings. A few samples show little of how flat it is.
+    None if the band is not flat, or below the step of the readings. Few samples show little of its flatness, so that
+    their parts may differ by as much as chance makes them differ.
     """
     steps = np.abs(np.diff(readings))
-    if len(left) < READINGS or not np.isfinite(left).all() or np.count_nonzero(steps) < _MIN_CHANGE_SHARE * len(steps):
+    is_held = np.count_nonzero(steps) < _MIN_CHANGE_SHARE * len(steps)
+    if len(residual) < READINGS or not np.isfinite(residual).all() or is_held:
         return None
-    window = np.hanning(len(left))
-    power = np.abs(np.fft.rfft(np.diff(left, 2) * window[1:-1])) ** 2 / float(window @ window)
+    # The spectrum of second differences over that of their filter, (2 sin(w/2))^4: of the residual, without leakage.
+    window = np.hanning(len(residual))
+    power = np.abs(np.fft.rfft(np.diff(residual, 2) * window[1:-1])) ** 2 / float(window @ window)
     angle = np.linspace(0.0, np.pi, len(power))[int(_BAND_BEGIN * len(power)) :]
     band = power[-len(angle) :] / (2.0 * np.sin(angle / 2.0)) ** 4
-    parts = [float(np.mean(part)) for part in np.array_split(band, 4)]
-    flat = max(_FLATNESS_RATIO, float(np.exp(_FLATNESS_DEVIATIONS * np.sqrt(_HANN_VARIANCE * 4 / len(band)))))
-    if max(parts) > flat * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
+    parts = [float(np.mean(part)) for part in np.array_split(band, _BAND_PARTS)]
+    deviation = np.sqrt(_HANN_VARIANCE * _BAND_PARTS / len(band))  # of the logarithm of a part's mean
+    max_ratio = max(_FLATNESS_RATIO, float(np.exp(_FLATNESS_DEVIATIONS * deviation)))
+    if max(parts) > max_ratio * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
         return None
     return ForceNoise(max(parts) ** 0.5, np.zeros(0), len(band))

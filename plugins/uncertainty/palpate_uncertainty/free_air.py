@@ -30,6 +30,10 @@ _MIN_CYCLES = 1.5  # of the motion's frequency in a standstill, to look for it t
 _SPEED_SAMPLES = 10  # samples to either side, over which speed and acceleration are differences
 _PULL_SAMPLES = 16  # samples of a mean, whose lowest is the pull
 
+# The pull P of Johnson, Kendall and Roberts (1971), see `_adhesion_effects`.
+_DEEPER_BY_ADHESION = 16.0 / 9.0  # square of the additional depth over the depth, for a pull of the force itself
+_CONSTANT_FORCE = 2.0 / 3.0  # deep in contact, of the pull
+
 
 @dataclass(frozen=True)
 class _Air:
@@ -196,9 +200,9 @@ def _adhesion_effects(track: TrackEvidence, course: Along, pull: float) -> dict[
     depth, force = float(np.mean(course.depth)), float(np.mean(course.force))
     if not (depth > 0 and force > 0):
         return None
-    additional_depth = float(np.sqrt(16.0 / 9.0 * pull / force)) * depth
+    additional_depth = float(np.sqrt(_DEEPER_BY_ADHESION * pull / force)) * depth
     widening = 0.5 * additional_depth / depth  # of the contact's radius, which grows with the root of the depth
-    effects = np.abs(2.0 / 3.0 * pull * shifts)
+    effects = np.abs(_CONSTANT_FORCE * pull * shifts)
     for i, parameter in enumerate(track.model.parameters):
         if parameter.role == "viscous":
             effects[i] += widening * abs(track.values[i])
@@ -220,7 +224,7 @@ def _above(track: TrackEvidence, air: _Air, distance: float = _ADHESION_HEIGHT) 
 def _inertia_free(track: TrackEvidence, air: _Air) -> tuple[Floats, Floats, Floats]:
     """Return the force (n,) [N] less the inertia of the tip, speed (n,) [m/s] and height (n,) [m]."""
     n = _SPEED_SAMPLES
-    if len(air.time) < 4 * n:
+    if len(air.time) < 4 * n:  # two differences of 2 n samples each
         return np.zeros(0), np.zeros(0), np.zeros(0)
     speed = (air.height[2 * n :] - air.height[: -2 * n]) / (air.time[2 * n :] - air.time[: -2 * n])
     acceleration = (speed[2 * n :] - speed[: -2 * n]) / (air.time[3 * n : -n] - air.time[n : -3 * n])

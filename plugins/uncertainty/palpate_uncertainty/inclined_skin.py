@@ -17,6 +17,7 @@ from palpate_uncertainty.refit import depths_in_contact
 _HERTZ_POWER = 1.5  # power of the depth that a force goes with under a sphere
 _MAX_TILT = math.radians(45.0)  # of a skin under the tip
 _TILT_STEP = math.radians(0.05)  # of the angles that are looked through
+_SHALLOW_DEPTH = 1e-6  # [m], a choice: the inclination where a tip has just touched
 _MIN_DEVIATIONS = 5.0  # standard deviations of a share that is not by chance
 _MIN_SHARE = 0.02  # share; the axes of a force sensor hear one another by so much
 _COVERAGE_FACTOR = 2.0  # standard uncertainties of an inclination
@@ -34,45 +35,45 @@ class AcrossForce:
 
     @classmethod
     def of(cls, track: TrackEvidence, end: TrackEnd) -> AcrossForce | None:
-        """That of a track; None where nothing is known, as on a sweep, whose friction explains any."""
+        """Return the force across the tool; None without one, and on a sweep, whose friction explains any."""
         share, depth = end.report.sideways, depths_in_contact(track)
         if share is None or end.is_sweep or not len(depth) or not np.isfinite(track.values).all():
             return None
         sources = sources_of(track.model, end.uncertainties)
         std = next((source.std for source in sources if source.name == "inclination"), 0.0)
-        low, high = _stated(track.model, std, float(np.mean(depth)))
+        low, high = _stated_range(track.model, std, float(np.mean(depth)))
         if end.report.turned is not None:  # a tip that does not go along a stated normal rubs
             low, high = min(low, high), max(high, math.atan(end.report.turned.slope))
         return cls(share, track.model, float(np.mean(depth)), (low, high), std)
 
     @property
     def drag(self) -> float:
-        """Stiffness of a contact along the skin over that along the normal (Mindlin 1949)."""
+        """The stiffness of a contact along the skin over that along the normal (Mindlin 1949)."""
         poisson = float(getattr(self.model, "poisson", 0.5))
         return 2.0 * (1.0 - poisson) / (2.0 - poisson)
 
     @property
     def is_beyond(self) -> bool:
-        """True where it is more than a tip that slides has at the stated inclination."""
+        """True if the force is more than that of a tip that slides at the stated inclination."""
         return self.share.size - _MIN_DEVIATIONS * self.share.std > max(math.tan(self.stated[1]), _MIN_SHARE)
 
     @property
     def is_below(self) -> bool:
-        """True where it is less than a tip that sticks has."""
+        """True if the force is less than that of a tip that sticks."""
         return self.share.size + max(_MIN_DEVIATIONS * self.share.std, _MIN_SHARE) < _sideways(
             self.stated[0], self.drag
         )
 
     @property
     def tells_friction(self) -> bool:
-        """True where a skin is stated to be inclined, and this decides between sliding and sticking."""
+        """True if the skin is stated to be inclined, and the force shows how far the tip slides or sticks."""
         inclined = bool(getattr(getattr(self.model, "skin", None), "inclination", 0.0))
         return inclined and not (self.is_beyond or self.is_below)
 
     def axial(self, angle: float) -> float:
-        """Force along the tool over that of the model, whose tip is between sliding and sticking, at an inclination.
+        """Return the force along the tool over that of the model, whose tip is between sliding and sticking.
 
-        That is (cos t + tan(phi) sin t)/(cos t + s m sin t tan t), tan(phi) between 0 and m tan t.
+        At an inclination t that is (cos t + tan(phi) sin t)/(cos t + s m sin t tan t), tan(phi) between 0 and m tan t.
         """
         friction = math.tan(min(max(angle - math.atan(self.share.size), 0.0), math.atan(self.drag * math.tan(angle))))
         assumed = float(self.model.skin.stick) * self.drag * math.tan(angle)
@@ -80,23 +81,24 @@ class AcrossForce:
 
 
 def inclined_skin(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Of every track whose record has the force's other axes: what these say of inclination and friction.
+    """Return what the force's other axes show of inclination and friction, of each track whose record has them.
 
     A press along the tool on a skin that is inclined by t against it has tan(t - phi) of the force sideways, phi the
     friction angle, tan(phi) at most m tan t where the tip sticks, m = 2 (1 - nu)/(2 - nu). So a share r stands for an
-    inclination between arctan(r), of a tip that slides, and t with r = (1 - m) tan t/(1 + m tan^2 t), and no friction
-    makes it less. A flag names what is beyond the stated inclination, or below it, with what it makes of the values.
-    Where it is neither, r and t say what friction there was: all three axes give the force along the normal, F_n, and
-    so by how much the values are off by the model's one axis: a known bias, with the corrected values next to it.
+    inclination between arctan(r), of a tip that slides, and t with r = (1 - m) tan t/(1 + m tan^2 t). Friction never
+    makes the inclination less. A flag names a share beyond the stated inclination, or below it, with its effect on the
+    values. Otherwise r and t give the friction: all three axes give the force along the normal, F_n, and so the error
+    of the values by the model's one axis. It is a known bias, with the corrected values next to it.
     """
-    found = {track.name: _of(track, track.ending) for track in tracks if track.ending is not None}
-    return {name: diagnosed for name, diagnosed in found.items() if diagnosed is not None}
+    findings = {}
+    for track in tracks:
+        if track.ending is not None and (across := AcrossForce.of(track, track.ending)) is not None:
+            findings[track.name] = _finding(track, across)
+    return findings
 
 
-def _of(track: TrackEvidence, end: TrackEnd) -> Diagnosed | None:
-    across = AcrossForce.of(track, end)
-    if across is None:
-        return None
+def _finding(track: TrackEvidence, across: AcrossForce) -> Diagnosed:
+    """Return the flag of a share that is not that of the stated inclination, else the bias by friction."""
     angles = possible_inclinations(across.share.size, across.drag)
     table = {"share": across.share.size, "std": across.share.std, "inclinations": angles[[0, -1]].tolist()}
     if across.is_beyond or across.is_below:
@@ -105,13 +107,15 @@ def _of(track: TrackEvidence, end: TrackEnd) -> Diagnosed | None:
 
 
 def _flag(track: TrackEvidence, across: AcrossForce, angles: Floats) -> Flag:
-    """On an inclination that is not the stated one, with the most that it can make of the values."""
+    """Return the flag of an inclination that is not the stated one, with its largest effect on the values."""
     low, high = across.stated
-    own, power, skin = math.cos(high if across.is_beyond else low), _power(across), getattr(across.model, "skin", None)
+    power, skin = _power(across), getattr(across.model, "skin", None)
+    # The force along the tool at the stated inclination t: cos(t)^(p + 1) (1 + s m tan(t)^2) of that on a level skin.
+    cosine = math.cos(high if across.is_beyond else low)
     friction = 0.0 if skin is None else skin.stick * across.drag
-    stated = own ** (power + 1.0) * (1.0 + friction * (1.0 / own**2 - 1.0))
-    worst = float(np.max(np.abs(stated / axial_ratio(across.share.size, angles, power) - 1.0)))
-    effects = {name: worst * abs(value) for name, value in _scaling(track)}
+    stated_ratio = cosine ** (power + 1.0) * (1.0 + friction * (1.0 / cosine**2 - 1.0))
+    largest_error = float(np.max(np.abs(stated_ratio / axial_ratio(across.share.size, angles, power) - 1.0)))
+    effects = {name: largest_error * abs(value) for name, value in _scaling(track)}
     first, last = np.degrees(angles[[0, -1]]).tolist()
     text = (
         f"{100 * across.share.size:.2g} % of the force is across the tool: the skin is inclined by {first:.2g} deg "
@@ -121,7 +125,7 @@ def _flag(track: TrackEvidence, across: AcrossForce, angles: Floats) -> Flag:
 
 
 def _biases(track: TrackEvidence, across: AcrossForce) -> dict[str, Bias]:
-    """Errors of the values by a model that has one axis only."""
+    """Return the errors of the values by a model that has one axis only."""
     angle = across.model.skin.inclination_at(across.model.indenter, across.depth)
     ratio = across.axial(angle)
     by_angle = across.axial(angle + across.std) - ratio
@@ -131,25 +135,26 @@ def _biases(track: TrackEvidence, across: AcrossForce) -> dict[str, Bias]:
 
 
 def _scaling(track: TrackEvidence) -> Iterator[tuple[str, float]]:
-    """Name and value of the parameters that the force is proportional to."""
+    """Yield name and value of the parameters that the force is proportional to."""
     for parameter, value in zip(track.model.parameters, track.values.tolist(), strict=True):
         if parameter.role is not None:
             yield parameter.name, value
 
 
 def _words(low: float, high: float) -> str:
+    """Return the stated range [rad] of the inclination in words."""
     if high == 0.0:
         return "0 as is assumed"
     return f"{math.degrees(low):.2g} to {math.degrees(high):.2g} deg as is stated"
 
 
 def _sideways(angle: float, drag: float) -> float:
-    """Share of the force that is sideways where the tip sticks."""
+    """Return the share of the force that is sideways where the tip sticks."""
     return (1.0 - drag) * math.tan(angle) / (1.0 + drag * math.tan(angle) ** 2)
 
 
 def possible_inclinations(share: float, drag: float) -> Floats:
-    """Inclinations (n,) [rad], up to 45 degrees, that a sideways share of the force can come of."""
+    """Return the inclinations (n,) [rad], up to 45 degrees, that give a sideways share of the force."""
     angles = math.atan(share) + np.arange(0.0, _MAX_TILT, _TILT_STEP)
     angles = angles[angles < _MAX_TILT] if share < math.tan(_MAX_TILT) else angles[:1]
     friction = np.tan(angles - math.atan(share))
@@ -157,7 +162,7 @@ def possible_inclinations(share: float, drag: float) -> Floats:
 
 
 def axial_ratio(share: float, angles: Floats, power: float) -> Floats:
-    """Force along the tool (n,) over that on a level skin, at inclinations (n,) and with a sideways share of it.
+    """Return the force (n,) along the tool over that on a level skin, at inclinations (n,), with a sideways share.
 
     The depth along the normal is d cos t, and the force along the tool F_n (cos t + tan(phi) sin t), phi the friction
     angle t - arctan(share).
@@ -167,18 +172,18 @@ def axial_ratio(share: float, angles: Floats, power: float) -> Floats:
 
 
 def _power(across: AcrossForce) -> float:
-    """Power of the depth that the force goes with."""
+    """Return the power of the depth that the force is proportional to: p = d a/A by contact radius and profile area."""
     tip = getattr(across.model, "indenter", None)
     if not isinstance(tip, Indenter):
         return _HERTZ_POWER
     return float(across.depth * tip.contact_radius(across.depth) / tip.profile_area(across.depth))
 
 
-def _stated(model: Any, std: float, depth: float) -> tuple[float, float]:
-    """Return the least and the largest inclination [rad] that is stated, within its uncertainty; 0 and 0 where none
-    is."""
+def _stated_range(model: Any, std: float, depth: float) -> tuple[float, float]:
+    """Return the least and the largest stated inclination [rad], within its uncertainty; zeros without one."""
     skin = getattr(model, "skin", None)
     if skin is None:
         return 0.0, 0.0
-    seen = [skin.inclination, *(skin.inclination_at(model.indenter, d) for d in (1e-6, depth))]
-    return max(min(seen) - _COVERAGE_FACTOR * std, 0.0), max(seen) + _COVERAGE_FACTOR * std
+    at_depths = (skin.inclination_at(model.indenter, d) for d in (_SHALLOW_DEPTH, depth))
+    angles = [skin.inclination, *at_depths]
+    return max(min(angles) - _COVERAGE_FACTOR * std, 0.0), max(angles) + _COVERAGE_FACTOR * std

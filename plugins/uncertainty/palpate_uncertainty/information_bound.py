@@ -18,6 +18,8 @@ _SURFACE_UNIT = 1e-3  # [m] in which the slope in the surface is taken: of the s
 _MIN_INNOVATIONS = 100  # innovations to estimate their autocorrelation; a choice
 _MAX_LAG = 10  # samples of that autocorrelation; a choice
 _MIN_TAIL = 10  # samples of a tail, for a slope; a choice
+_THIRD_DIFFERENCE_VARIANCE = 20.0  # variance of third differences of white noise of variance 1: 1 + 9 + 9 + 1
+_WALK_SLOPE_VARIANCE = 6 / 5  # of the slope of a line through a random walk, of the walk's own over the span squared
 _FADING_RATIO = 0.96  # of the variance half a tail ago, above which an estimator does not learn: a choice
 
 
@@ -52,7 +54,7 @@ def slope_by_chance(tail: Tail) -> Floats:
     early, late = (half.mean(axis=0) for half in np.array_split(tail.std**2, 2))
     # The halves are half the span apart, so the variance of the walk over all of it is twice their difference; the
     # variance of the slope of a line through a walk is 6/5 of that over the span squared.
-    walk_slope = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span
+    walk_slope = np.sqrt(_WALK_SLOPE_VARIANCE * 2 * np.maximum(early - late, 0.0)) / span
     return np.asarray(np.where(late < _FADING_RATIO * early, walk_slope, tail.slope_of_a_walk(tail.values)))
 
 
@@ -60,7 +62,7 @@ def white_noise(tail: Tail) -> float:
     """Return the standard deviation [N] of white noise that would give the third differences of the measured force."""
     third = np.diff(tail.force, 3)
     third = third[np.isfinite(third)]
-    return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0  # (1 + 9 + 9 + 1) sigma^2
+    return float(np.sqrt(np.mean(third**2) / _THIRD_DIFFERENCE_VARIANCE)) if len(third) else 0.0
 
 
 def steady(tail: Tail) -> NDArray[np.bool_]:

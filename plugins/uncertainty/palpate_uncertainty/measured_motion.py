@@ -13,8 +13,8 @@ from palpate_kit.terminal.motion_text import measured_text, motion_numbers
 from palpate_uncertainty.undeclared_thickness import half_space_from
 from palpate_uncertainty.whiteness import oscillation
 
-WAY_IN = (0.1, 0.9)  # of the depths, between which the way in is timed: noise moves neither crossing much
-AT_TOUCH = 0.02  # of the deepest depth; a press whose first sample is above that begins at the touch
+WAY_IN = (0.1, 0.9)  # of the depths (choice), between which the way in is timed: noise moves neither crossing much
+AT_TOUCH = 0.02  # of the deepest depth (choice); a press whose first sample is above that begins at the touch
 
 
 def measured_motion(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -72,6 +72,7 @@ def approach_speed(time: Floats, depth: Floats) -> float | None:
 
 
 def _max(depth: Floats) -> float:
+    """Return the deepest depth [m]."""
     return float(np.max(depth))
 
 

@@ -12,8 +12,8 @@ from palpate import Floats
 from palpate_uncertainty.alternative_fit import Maker, ModelAlternative, Refit, refit
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import fit_relaxation
+from palpate_uncertainty.undeclared_thickness import BONDED_COEFFICIENTS
 
-_LAYER_COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)  # of X to X^4: Dimitriadis et al. 2002, eq. 13
 # Choices: the bounds of what an alternative adds.
 _MAX_DELAY = 0.02  # [s] of the force
 _MAX_MASS = 10.0  # [kg] behind the sensor
@@ -171,7 +171,7 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
     multiplied by c + c' F/F'. X is the contact radius over the thickness. The contact radius is the slope of the
     elastic force of the parameters `unit` but for a constant, so the extra number is X at the mean depth.
     """
-    c1, c2, c3, c4 = _LAYER_COEFFICIENTS
+    c1, c2, c3, c4 = BONDED_COEFFICIENTS
 
     def stiffening(surface: float, extra: Floats) -> Floats:
         """Return c(X) (n,) of the course's depths below a surface [m]."""

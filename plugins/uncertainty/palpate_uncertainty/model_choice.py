@@ -13,10 +13,14 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_uncertainty.refitted_model import left_by
 from palpate_uncertainty.settings import ChoiceSettings
 
+_WINDOW_TIMES = 5.0  # of the correlation time, at which its sum is cut off (Sokal 1997)
+_SAMPLES_PER_LAG = 4  # of an autocovariance, at least (choice)
+_SMALLEST_VARIANCE = 1e-300  # in a logarithm, in place of 0: near the smallest double
+
 
 @dataclass(frozen=True)
 class WeightedModels:
-    """Candidates of one parameter, weighed."""
+    """The weighted candidates of one parameter."""
 
     weights: Floats  # (m,) that add up to 1
     value: float  # weighted
@@ -25,122 +29,148 @@ class WeightedModels:
 
     @property
     def combined(self) -> float:
-        """Standard uncertainty of the weighted value."""
+        """The standard uncertainty of the weighted value."""
         return math.hypot(self.within, self.spread)
 
 
 def weigh_models(values: Floats, stds: Floats, bic: Floats, effective: float, samples: float) -> WeightedModels:
-    """Values (m,) weighed by exp(-dBIC n_eff/n / 2); the spread is never below their standard deviation.
+    """Return values (m,) weighted by exp(-dBIC n_eff/n / 2); the spread is never below their standard deviation.
 
-    Sources: Kass and Raftery 1995; Buckland, Burnham and Augustin 1997, with the BIC of as many independent samples as
-    the residual is worth.
+    n_eff of the n samples are independent: the BIC is that of as many as the residual is worth.
+    Sources: Kass and Raftery 1995; Buckland, Burnham and Augustin 1997.
     """
-    lead = (bic - bic.min()) * min(effective / max(samples, 1.0), 1.0)
-    weights = np.exp(-lead / 2)
+    difference = (bic - bic.min()) * min(effective / max(samples, 1.0), 1.0)
+    weights = np.exp(-difference / 2)
     weights = weights / weights.sum()
-    value = float(weights @ values)
-    between = math.sqrt(float(weights @ (values - value) ** 2))
-    return WeightedModels(
-        weights, value, math.sqrt(float(weights @ stds**2)), max(between, float(np.std(values, ddof=1)))
-    )
+    mean = float(weights @ values)
+    between = math.sqrt(float(weights @ (values - mean) ** 2))
+    within = math.sqrt(float(weights @ stds**2))
+    return WeightedModels(weights, mean, within, max(between, float(np.std(values, ddof=1))))
 
 
 def model_choice(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on the tracks of the candidates, estimator by estimator; none without a [choice] table."""
+    """Return the findings on the tracks of the candidates, by estimator; none without a [choice] table."""
     settings = tracks[0].tables.get("choice") if tracks else None
     if not isinstance(settings, ChoiceSettings):
         return {}
-    found: dict[str, Diagnosed] = {}
+    findings: dict[str, Diagnosed] = {}
     for estimator in dict.fromkeys(track.name.partition("/")[2] for track in tracks):
         group = [track for track in tracks if track.name.partition("/")[2] == estimator]
-        group = [track for track in group if track.name.partition("/")[0] in settings.candidates]
+        group = [track for track in group if _model_of(track) in settings.candidates]
         if len(group) > 1:
-            found |= _group(group, settings.candidates)
-    return found
+            findings |= _group_findings(group, settings.candidates)
+    return findings
 
 
-def _group(group: list[TrackEvidence], candidates: tuple[str, ...]) -> dict[str, Diagnosed]:
-    missing = set(candidates) - {track.name.partition("/")[0] for track in group}
-    scores = [_score(track) for track in group]
-    bic = np.array([score[0] for score in scores])
-    best = int(np.argmin(bic))
-    _, samples, effective = scores[best]
-    shared = [
-        p.name for p in group[0].model.parameters
-        if all(p.name in {q.name for q in track.model.parameters} for track in group)
-    ]  # fmt: skip
+@dataclass(frozen=True)
+class _Evidence:
+    """The evidence of a track's residual for its model."""
+
+    bic: float
+    samples: float
+    effective_samples: float  # of these, that are independent
+
+
+def _group_findings(group: list[TrackEvidence], candidates: tuple[str, ...]) -> dict[str, Diagnosed]:
+    """Return the findings on the tracks of one estimator, by name."""
+    evidence = [_evidence(track) for track in group]
+    bic = np.array([item.bic for item in evidence])
+    best = evidence[int(np.argmin(bic))]
     results: dict[str, WeightedModels] = {}
-    for name in shared:
-        values, stds = (np.array([_of(track, name, column) for track in group]) for column in ("values", "combined"))
-        results[name] = weigh_models(values, np.where(np.isfinite(stds), stds, 0.0), bic, effective, samples)
-    found = {track.name: _finding(track, group, results, (samples, effective), bic) for track in group}
+    for name in _shared_parameters(group):
+        values = np.array([_of(track, name, "values") for track in group])
+        stds = np.array([_of(track, name, "combined") for track in group])
+        stds = np.where(np.isfinite(stds), stds, 0.0)
+        results[name] = weigh_models(values, stds, bic, best.effective_samples, best.samples)
+    findings = {track.name: _finding(track, group, results, best, bic) for track in group}
+    missing = set(candidates) - {_model_of(track) for track in group}
     if missing:
         text = f"[choice] names {', '.join(sorted(missing))}, of which the run has no result"
-        found = {name: replace(f, flags=(*f.flags, Flag("choice-incomplete", text))) for name, f in found.items()}
-    return found
+        flag = Flag("choice-incomplete", text)
+        findings = {name: replace(finding, flags=(*finding.flags, flag)) for name, finding in findings.items()}
+    return findings
+
+
+def _model_of(track: TrackEvidence) -> str:
+    """Return the name of a track's model."""
+    return track.name.partition("/")[0]
+
+
+def _shared_parameters(group: Sequence[TrackEvidence]) -> list[str]:
+    """Return the names of the parameters that all models have."""
+    names = [[parameter.name for parameter in track.model.parameters] for track in group]
+    return [name for name in names[0] if all(name in others for others in names)]
 
 
 def _finding(
     track: TrackEvidence,
     group: list[TrackEvidence],
     results: Mapping[str, WeightedModels],
-    counted: tuple[float, float],
+    best: _Evidence,
     bic: Floats,
 ) -> Diagnosed:
+    """Return the distance of a track's values from the weighted ones, as terms of its budget, and the note on it."""
     terms, table = {}, dict[str, Any]()
-    for name, result in results.items():
-        terms[name] = math.hypot(result.spread, _of(track, name, "values") - result.value)
+    for name, models in results.items():
+        terms[name] = math.hypot(models.spread, _of(track, name, "values") - models.value)
         table[name] = {
-            "value": result.value, "combined": result.combined, "within": result.within, "spread": result.spread,
+            "value": models.value, "combined": models.combined, "within": models.within, "spread": models.spread,
         }  # fmt: skip
     weights = next(iter(results.values())).weights if results else np.zeros(0)
-    names = [other.name.partition("/")[0] for other in group]
-    by_name = dict(zip(names, weights.tolist(), strict=False))
+    names = [_model_of(other) for other in group]
+    weight_by_model = dict(zip(names, weights.tolist(), strict=False))
     table |= {
-        "weights": by_name, "samples": counted[0], "effective_samples": counted[1],
+        "weights": weight_by_model, "samples": best.samples, "effective_samples": best.effective_samples,
         "bic": dict(zip(names, bic.tolist(), strict=True)),
     }  # fmt: skip
-    said = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in by_name.items())
-    text = f"the record weights the admitted models {said} ({counted[1]:.3g} of {counted[0]:.0f} samples independent)"
+    weight_words = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in weight_by_model.items())
+    sample_words = f"{best.effective_samples:.3g} of {best.samples:.0f} samples independent"
+    text = f"the record weights the admitted models {weight_words} ({sample_words})"
     first = next(iter(results), None)
     if first is not None:
-        result = results[first]
-        text += f"; combined, {first} is {result.value:.4g} ± {result.combined:.2g} {_unit(track, first)}"
+        models = results[first]
+        text += f"; combined, {first} is {models.value:.4g} ± {models.combined:.2g} {_unit(track, first)}"
     return Diagnosed((Flag("model-choice", text),), terms, frozenset(), table)
 
 
 def _unit(track: TrackEvidence, name: str) -> str:
+    """Return the unit of a parameter."""
     return next(parameter.unit for parameter in track.model.parameters if parameter.name == name)
 
 
 def _of(track: TrackEvidence, name: str, column: str) -> float:
+    """Return a parameter's entry in a column of its track, such as `values`."""
     place = [parameter.name for parameter in track.model.parameters].index(name)
     return float(getattr(track, column)[place])
 
 
-def _score(track: TrackEvidence) -> tuple[float, float, float]:
-    """BIC of a track's residual, its samples, and how many of them are independent."""
+def _evidence(track: TrackEvidence) -> _Evidence:
+    """Return BIC and samples of a track's residual; of a refit for a filter."""
     if track.report is not None and track.report.bic is not None:
         n, effective = track.report.samples, track.report.effective_samples
-        return track.report.bic, float(n), float(effective or n)
+        return _Evidence(track.report.bic, float(n), float(effective or n))
     residual = left_by(track)
     n = max(len(residual), 1)
-    power = float(np.mean(residual**2))
+    variance = float(np.mean(residual**2))
     unknowns = len(track.model.parameters) + 2  # the surface and the noise, too
-    bic = n * math.log(max(power, 1e-300)) + unknowns * math.log(n)
-    return bic, float(n), n / correlation_time(residual)
+    bic = n * math.log(max(variance, _SMALLEST_VARIANCE)) + unknowns * math.log(n)
+    return _Evidence(bic, float(n), n / correlation_time(residual))
 
 
 def correlation_time(residual: Floats) -> float:
-    """Sum of the autocorrelation from -inf to inf [samples], up to 5 times itself (Sokal 1997); at least 1."""
+    """Return the sum of the autocorrelation from -inf to inf [samples]; at least 1.
+
+    The sum ends at 5 times itself (Sokal 1997).
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
     n = len(residual)
-    length = next_fast_len(2 * n)
+    length = next_fast_len(2 * n)  # padded, so that the ends of the record do not meet
     spectrum = np.abs(np.asarray(rfft(residual - residual.mean(), length))) ** 2
-    gamma = np.asarray(irfft(spectrum, length))[: max(n // 4, 2)]
-    if gamma[0] <= 0:
+    autocovariance = np.asarray(irfft(spectrum, length))[: max(n // _SAMPLES_PER_LAG, 2)]
+    if autocovariance[0] <= 0:
         return 1.0
-    time = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
-    enough = np.flatnonzero(np.arange(1, len(gamma)) >= 5.0 * time)
-    return float(max(time[enough[0]] if len(enough) else time[-1], 1.0))
+    time = 1.0 + 2.0 * np.cumsum(autocovariance[1:]) / autocovariance[0]
+    is_complete = np.arange(1, len(autocovariance)) >= _WINDOW_TIMES * time
+    complete = np.flatnonzero(is_complete)
+    return float(max(time[complete[0]] if len(complete) else time[-1], 1.0))

@@ -10,6 +10,8 @@ from palpate import Floats
 
 _MAX_BIC_DIFFERENCE = 6.0  # of BIC, by independent samples; strong evidence beyond (Kass and Raftery 1995)
 
+_SMALLEST_SUM = 1e-300  # in a quotient, in place of 0: near the smallest double
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -32,7 +34,7 @@ class ModelStanding:
     """One model over all records."""
 
     model: str
-    behind: float  # of the best one's evidence
+    behind: float  # BIC less that of the best model
     weight: float
     held_out: float  # [N]
     best_blocks: int
@@ -42,55 +44,69 @@ class ModelStanding:
     elasticity: tuple[float, float] | None  # mean over records, and its uncertainty or spread, the larger
 
 
-def rank_models(found: Sequence[Candidate]) -> list[ModelStanding]:
-    """Models over all records, the best first; only those that have a fit of every record stand."""
-    records = list(dict.fromkeys(one.record for one in found))
-    names = list(dict.fromkeys(one.model for one in found))
-    by = {(one.record, one.model): one for one in found}
+def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
+    """Return the models over all records, the best first; a model without a fit of every record stands last."""
+    names = list(dict.fromkeys(candidate.model for candidate in candidates))
+    by_record: dict[str, dict[str, Candidate]] = {}
+    for candidate in candidates:
+        by_record.setdefault(candidate.record, {})[candidate.model] = candidate
+    groups = [[fits[name] for name in names if name in fits] for fits in by_record.values()]
+
+    # The evidence of all records: the sum of the distances from the best model of each.
     total = dict.fromkeys(names, 0.0)
-    for record in records:
-        for name, behind in _behind([one for one in found if one.record == record]).items():
+    for group in groups:
+        for name, behind in _behind(group).items():
             total[name] += behind
-    finite = [value for value in total.values() if np.isfinite(value)]
-    best = min(finite, default=0.0)
+    best = min((value for value in total.values() if np.isfinite(value)), default=0.0)
     shares = {name: float(np.exp(-(value - best) / 2)) if np.isfinite(value) else 0.0 for name, value in total.items()}
-    winners = [_winner([by[record, name] for name in names if (record, name) in by]) for record in records]
+    weight_sum = max(sum(shares.values()), _SMALLEST_SUM)
+
+    winners = [winner for group in groups for winner in _winners(group)]
     standings = []
     for name in names:
-        own = [by[record, name] for record in records if (record, name) in by]
-        blocks = np.concatenate([one.blocks for one in own]) if own else np.zeros(0)
+        fits = [candidate for group in groups for candidate in group if candidate.model == name]
+        blocks = np.concatenate([candidate.blocks for candidate in fits])
+        misfits = sum(candidate.misfit or candidate.verdict == "invalid" for candidate in fits)
         standings.append(
             ModelStanding(
-                name, float(total[name] - best), shares[name] / max(sum(shares.values()), 1e-300),
-                float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan"),
-                sum(sum(winner == name for winner in record) for record in winners), sum(map(len, winners)),
-                sum(one.misfit or one.verdict == "invalid" for one in own), len(records), _mean(own),
+                model=name,
+                behind=float(total[name] - best),
+                weight=shares[name] / weight_sum,
+                held_out=float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan"),
+                best_blocks=winners.count(name),
+                blocks=len(winners),
+                misfits=misfits,
+                records=len(groups),
+                elasticity=_mean_elasticity(fits),
             )
-        )  # fmt: skip
-    return sorted(standings, key=lambda one: one.behind if np.isfinite(one.behind) else np.inf)
+        )
+    return sorted(standings, key=lambda standing: standing.behind if np.isfinite(standing.behind) else np.inf)
 
 
 def _behind(group: Sequence[Candidate]) -> dict[str, float]:
-    """Distance of each model's BIC from the best one's on a record, by samples that are independent under that.
+    """Return the distance of each model's BIC from the best one's on a record.
 
-    Sources: Kass and Raftery 1995; residuals that are correlated feign no certainty.
+    It is counted by the share of samples that are independent under the best model, so that correlated residuals do not
+    feign certainty (Kass and Raftery 1995).
     """
-    best = min((one for one in group if np.isfinite(one.bic)), key=lambda one: one.bic, default=None)
-    if best is None:
-        return {one.model: float("nan") for one in group}
-    return {one.model: best.share * (one.bic - best.bic) for one in group}
+    fitted = [candidate for candidate in group if np.isfinite(candidate.bic)]
+    if not fitted:
+        return {candidate.model: float("nan") for candidate in group}
+    best = min(fitted, key=lambda candidate: candidate.bic)
+    return {candidate.model: best.share * (candidate.bic - best.bic) for candidate in group}
 
 
-def _winner(group: Sequence[Candidate]) -> list[str]:
+def _winners(group: Sequence[Candidate]) -> list[str]:
     """Return the model that predicts each block of a record best."""
     if not group or not len(group[0].blocks):
         return []
-    table = np.array([np.where(np.isfinite(one.blocks), one.blocks, np.inf) for one in group])
-    return [group[int(place)].model for place in np.argmin(table, axis=0)]
+    errors = np.array([np.where(np.isfinite(item.blocks), item.blocks, np.inf) for item in group])
+    return [group[int(place)].model for place in np.argmin(errors, axis=0)]
 
 
-def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
-    values = np.array([one.elasticity for one in own if one.elasticity is not None])
+def _mean_elasticity(fits: Sequence[Candidate]) -> tuple[float, float] | None:
+    """Return the mean elasticity [Pa] over records, and its RMS uncertainty or the records' spread, the larger."""
+    values = np.array([candidate.elasticity for candidate in fits if candidate.elasticity is not None])
     if not len(values):
         return None
     spread = float(np.std(values[:, 0], ddof=1)) if len(values) > 1 else 0.0
@@ -100,14 +116,14 @@ def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
 def sentence(standings: Sequence[ModelStanding], records: int) -> str:
     """Return the data's evidence, in a sentence for a paper."""
     over = f"over {records} records" if records > 1 else "of the record"
-    fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
-    if not fair:
+    describes_some = [item.misfits < item.records and np.isfinite(item.behind) for item in standings]
+    if not any(describes_some):
         return f"None of the models describes the data {over}: the residual of each is not the channel's noise."
     best = standings[0]
-    level = [one.model for one in standings if one.behind < _MAX_BIC_DIFFERENCE]
-    refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _MAX_BIC_DIFFERENCE]
-    text = f"The data {over} support {' and '.join(level)}"
-    text += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
+    supported = [item.model for item in standings if item.behind < _MAX_BIC_DIFFERENCE]
+    refuted = [f"{item.model} by {item.behind:.3g}" for item in standings if item.behind >= _MAX_BIC_DIFFERENCE]
+    text = f"The data {over} support {' and '.join(supported)}"
+    text += " alike" if len(supported) > 1 else f" (weight {100 * best.weight:.0f} %)"
     text += f"; less {', '.join(refuted)} of BIC" if refuted else ""
     if best.blocks:
         text += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"

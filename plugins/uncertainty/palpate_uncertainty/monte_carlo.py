@@ -25,6 +25,8 @@ from palpate_kit.terminal.progress import progress, report_progress
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
+_INTERVAL = (0.025, 0.975)  # quantiles of the 95 % interval
+# Choices.
 _SLOPE_SAMPLES = 10  # samples to either side that the slope of the force is taken over
 _CHUNK_DRAWS = 8  # draws of one job
 _COMPILED_SAMPLES = 100_000  # samples, from which on machine code for one draw is worth its compilation
@@ -47,7 +49,7 @@ class Case:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters."""
+        """The names of the parameters."""
         return tuple(parameter.name for parameter in self.model.parameters)
 
 
@@ -61,20 +63,21 @@ class PropagatedDraws:
 
     @property
     def lost(self) -> int:
-        """Draws without an estimate."""
+        """The number of draws without an estimate."""
         return int(np.count_nonzero(~np.isfinite(self.values).all(axis=1)))
 
     def table(self) -> dict[str, dict[str, float]]:
-        """By parameter: value and standard uncertainty of the budget, and mean, std and 95 % interval of the draws."""
-        found = {}
-        whole = self.values[np.isfinite(self.values).all(axis=1)]
+        """Return, by parameter, value and uncertainty of the budget, and mean, std and 95 % interval of the draws."""
+        rows = {}
+        estimated = self.values[np.isfinite(self.values).all(axis=1)]
         for i, (name, parameter) in enumerate(self.parameters.items()):
-            low, high = np.quantile(whole[:, i], [0.025, 0.975]).tolist()
-            found[name] = {
-                "value": estimate_of(parameter), "combined": parameter["combined"], "mean": float(whole[:, i].mean()),
-                "std": float(whole[:, i].std(ddof=1)), "low": low, "high": high,
+            draws = estimated[:, i]
+            low, high = np.quantile(draws, _INTERVAL).tolist()
+            rows[name] = {
+                "value": estimate_of(parameter), "combined": parameter["combined"], "mean": float(draws.mean()),
+                "std": float(draws.std(ddof=1)), "low": low, "high": high,
             }  # fmt: skip
-        return found
+        return rows
 
 
 def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
@@ -95,110 +98,117 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
 
 
 def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples, weight: float) -> Case:
+    """Return the track of a name, with its rows and its covariance by the run's result."""
     track = next(track for track in pipeline.tracks if track.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
-    timing = [s.uncertainty for s in (settings.force, settings.velocity or settings.position) if s.uncertainty]
-    late = math.hypot(*timing) if timing else None
+    motion = settings.velocity or settings.position
+    timing = [signal.uncertainty for signal in (settings.force, motion) if signal.uncertainty]
+    timing_uncertainty = math.hypot(*timing) if timing else None
     problem = Problem(
-        track.model, settings.tip_mass, late, standstill,
+        track.model, settings.tip_mass, timing_uncertainty, standstill,
         zero_uncertainty=settings.zero_uncertainty, force_zero=settings.force_zero,
     )  # fmt: skip
+    # A draw needs the estimate alone.
     changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
-    names = [parameter.name for parameter in track.model.parameters]
+    return Case(
+        str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
+        weight, tuple(result["budget"]), result["parameters"], _covariance(run, track.model, name, result),
+    )  # fmt: skip
+
+
+def _covariance(run: Path, model: ContactModel, name: Any, result: Mapping[str, Any]) -> Floats | None:
+    """Return the covariance (k, k) of a model's parameters in a track's result; None where it has none."""
+    names = [parameter.name for parameter in model.parameters]
     table = result.get("details", {}).get("covariance")
-    covariance = None
     with open_table(run / RESULT, f"tracks.{name}.details.covariance"):
         if isinstance(table, Mapping) and set(names) <= set(table["names"]):
             places = [table["names"].index(n) for n in names]
-            covariance = np.array(table["matrix"], float)[np.ix_(places, places)]
-    return Case(
-        str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
-        weight, tuple(result["budget"]), result["parameters"], covariance,
-    )  # fmt: skip
+            return np.array(table["matrix"], float)[np.ix_(places, places)]
+    return None
 
 
 def propagate_draws(
     case: Case, draws: int, seed: int, workers: int | None = None, report: Callable[[int], None] = lambda done: None
 ) -> PropagatedDraws:
-    """So many draws of a track, the same for the same seed however many processes share them."""
+    """Return so many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK_DRAWS, draws)) for first in range(0, draws, _CHUNK_DRAWS)]
-    found: list[Floats] = []
-    light = _lightly if len(case.samples) < _COMPILED_SAMPLES else None
-    with ProcessPoolExecutor(workers, initializer=begin_worker, initargs=(light,)) as pool:
-        for values in pool.map(partial(_chunk, case, seed), chunks):
-            found.append(values)
-            report(sum(map(len, found)))
-    return PropagatedDraws(case.name, np.concatenate(found), case.parameters)
+    values: list[Floats] = []
+    initializer = _use_virtual_machine if len(case.samples) < _COMPILED_SAMPLES else None
+    with ProcessPoolExecutor(workers, initializer=begin_worker, initargs=(initializer,)) as pool:
+        for chunk in pool.map(partial(_chunk, case, seed), chunks):
+            values.append(chunk)
+            report(sum(map(len, values)))
+    return PropagatedDraws(case.name, np.concatenate(values), case.parameters)
 
 
-def _lightly() -> None:
+def _use_virtual_machine() -> None:
     """Run filters on the virtual machine, with the same bits: a draw's tip is compiled for one short run only."""
     os.environ.setdefault("PALPATE_KERNEL", "vm")
 
 
 def _chunk(case: Case, seed: int, numbers: range) -> Floats:
-    return np.array([_drawn(case, np.random.default_rng([seed, number])) for number in numbers])
+    """Return the values (n, k) of the draws of these numbers."""
+    return np.array([_draw(case, np.random.default_rng([seed, number])) for number in numbers])
 
 
-def _drawn(case: Case, random: np.random.Generator) -> Floats:
-    """Values (k,) of one draw."""
+def _draw(case: Case, random: np.random.Generator) -> Floats:
+    """Return the values (k,) of one draw: the estimate with every input changed, plus the effects without an input."""
     model, samples, mass = case.model, case.samples, case.problem.tip_mass
-    unexplained = np.zeros(len(case.names))
+    effects = np.zeros(len(case.names))
     for row in case.rows:
-        cause, declared = row["source"].removesuffix(_UNDECLARED), not row["source"].endswith(_UNDECLARED)
+        cause, is_declared = row["source"].removesuffix(_UNDECLARED), not row["source"].endswith(_UNDECLARED)
         std = row["std"]
         if cause == "estimator":
-            unexplained += _scatter(case, row, random)
-        elif std is None:  # settling, lack of fit: known by what it does
-            unexplained += _effects(case, row) * random.uniform(-_HALF_WIDTH, _HALF_WIDTH)
+            effects += _scatter(case, row, random)
+        elif std is None:  # settling, lack of fit: only the effect is known
+            effects += _effects(case, row) * random.uniform(-_HALF_WIDTH, _HALF_WIDTH)
         elif cause == "mass" and mass is not None:
             change = std * random.standard_normal()
             mass += change
             samples = replace(samples, force=samples.force + case.weight_per_mass * change)
         elif cause in ("mounting", "normal", "curvature", "beam"):
-            unexplained += _effects(case, row) * random.standard_normal()
+            effects += _effects(case, row) * random.standard_normal()
         elif cause in ("timing", "tare", "force_scale", "position_scale", "compliance"):
             samples = _changed(samples, cause, std * random.standard_normal())
         else:
-            model = with_number(model, cause, std * _shift(cause, declared, random))
+            model = with_number(model, cause, std * _shift(cause, is_declared, random))
     problem = replace(case.problem, model=model, tip_mass=mass)
-    found = case.estimator.start(problem).run(samples)
-    rows = np.flatnonzero(np.isfinite(found.values).all(axis=1))
+    estimates = case.estimator.start(problem).run(samples)
+    rows = np.flatnonzero(np.isfinite(estimates.values).all(axis=1))
     if not len(rows):
         return np.full(len(case.names), np.nan)
-    since = found.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
-    return np.asarray(found.values[rows[found.time[rows] >= since]].mean(axis=0) + unexplained)
+    since = estimates.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
+    return np.asarray(estimates.values[rows[estimates.time[rows] >= since]].mean(axis=0) + effects)
 
 
-def _shift(cause: str, declared: bool, random: np.random.Generator) -> float:
-    """Of a number of the model, in standard uncertainties; normal unless its default is not."""
-    if declared or cause not in ("poisson", "stick"):
+def _shift(cause: str, is_declared: bool, random: np.random.Generator) -> float:
+    """Return the shift of a number of the model [standard uncertainties]; normal unless its default is not."""
+    if is_declared or cause not in ("poisson", "stick"):
         return float(random.standard_normal())
-    if cause == "stick":  # it does or it does not
+    if cause == "stick":  # a tip sticks or slides
         return float(random.choice((-1.0, 1.0)))
     return float(-_HALF_WIDTH * random.uniform())  # rectangular, below the value
 
 
 def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
+    """Return the contributions (k,) of a row of the budget; 0 where it has none."""
     effects = row["effects"]
     return np.array([effects[name]["contribution"] or 0.0 if name in effects else 0.0 for name in case.names])
 
 
 def _scatter(case: Case, row: Mapping[str, Any], random: np.random.Generator) -> Floats:
-    """Return the estimator's own scatter: by its covariance where it gives one, the rest of its std uncorrelated."""
+    """Return the estimator's own scatter (k,): by its covariance, and what its std has beyond that uncorrelated."""
     std = _effects(case, row)
     if case.covariance is None:
         return np.asarray(std * random.standard_normal(len(std)))
-    rest = np.sqrt(np.maximum(std**2 - np.diag(case.covariance), 0.0))
-    return np.asarray(
-        random.multivariate_normal(np.zeros(len(std)), case.covariance, method="eigh")
-        + rest * random.standard_normal(len(std))
-    )
+    uncorrelated = np.sqrt(np.maximum(std**2 - np.diag(case.covariance), 0.0))
+    correlated_draw = random.multivariate_normal(np.zeros(len(std)), case.covariance, method="eigh")
+    return np.asarray(correlated_draw + uncorrelated * random.standard_normal(len(std)))
 
 
 def _changed(samples: Samples, cause: str, size: float) -> Samples:
-    """Samples as they are if a source is off by `size` [SI]."""
+    """Return the samples that would be read if a source were off by `size` [SI]."""
     force = samples.force
     match cause:
         case "timing":  # by the slope of the force, which leaves its noise as it is
@@ -207,7 +217,7 @@ def _changed(samples: Samples, cause: str, size: float) -> Samples:
             return replace(samples, force=force + size)
         case "force_scale":
             return replace(samples, force=force * (1 + size))
-        case "compliance":  # the robot gives way by F/k
+        case "compliance":  # the robot is displaced by F/k
             rate = size * _slope(samples)
             return replace(samples, position=samples.position + size * force, velocity=samples.velocity + rate)
     fixed = float(np.nanmax(samples.position))
@@ -216,17 +226,17 @@ def _changed(samples: Samples, cause: str, size: float) -> Samples:
 
 
 def _slope(samples: Samples) -> Floats:
-    """Slope [N/s] of the force by a local cubic; 0 where it is not known."""
+    """Return the slope (n,) [N/s] of the force by a local cubic, readings that are missing interpolated."""
     from scipy.signal import savgol_filter
 
     interval = float(np.median(samples.interval[1:]))
-    known = np.isfinite(samples.force)
-    force = np.interp(samples.time, samples.time[known], samples.force[known])
+    is_finite = np.isfinite(samples.force)
+    force = np.interp(samples.time, samples.time[is_finite], samples.force[is_finite])
     return np.asarray(savgol_filter(force, 2 * _SLOPE_SAMPLES + 1, 3, deriv=1) / interval)
 
 
 def with_number(part: Any, name: str, change: float) -> Any:
-    """Return a model with the number of this name, its own or its tip's, changed by so much."""
+    """Return a model with the number of a name, its own or its tip's, changed by `change` [SI]."""
     for key in type(part).model_fields:
         value = getattr(part, key)
         if key == name and isinstance(value, float):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
+from palpate_uncertainty.channel_noise import MEDIAN_TO_STD
 from palpate_uncertainty.force_noise import ForceNoise
 
 # Choices: a spike stands out of its neighbours so far that noise does not in any record.
@@ -15,11 +16,11 @@ _REACH = 5  # samples to either side, of the running median
 _SIGNIFICANT = 8.0  # [standard deviations] of the noise
 _MIN_SAMPLES = 100  # for a noise by their median
 _MAX_WINDOWS = 65_536  # that are sorted together: a choice of memory
-_STD_OF_MEDIAN = 1.4826  # standard deviation of normal noise over the median of its size
+_SECOND_DIFFERENCE_VARIANCE = 6.0  # variance of second differences of white noise of variance 1: 1 + 4 + 1
 
 
 def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on every track whose force contains spikes and whose estimator gives them full weight."""
+    """Return the finding on each track whose force contains spikes; a flag if its estimator gives them full weight."""
     findings: dict[str, Diagnosed] = {}
     for track in tracks:
         used = track.kept.used
@@ -37,7 +38,7 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _residual(track: TrackEvidence) -> Floats:
-    """Residual (n,) [N] of the force by a fit; the force itself without one."""
+    """Return the residual (n,) [N] of the force by a fit; the force itself without one."""
     report, innovation = track.report, track.kept.innovation
     if report is None or not report.rss > 0 or not np.isfinite(innovation[track.kept.used]).all():
         return track.kept.force
@@ -45,11 +46,11 @@ def _residual(track: TrackEvidence) -> Floats:
 
 
 def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> Floats:
-    """Distances [N] of judged readings from the median of their neighbours, beyond 8 standard deviations.
+    """Return the distances [N] of judged readings from the median of their neighbours, beyond 8 standard deviations.
 
-    Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
-    readings, and not below what the air shows [N]: a channel that is filtered or held hardly changes. Source: Hampel
-    1974.
+    The noise follows from the median size of second differences, whose variance is 6 times that of white noise. It is
+    at least the smallest step of the readings and the noise [N] of the air: a channel that is filtered or held hardly
+    changes. Source: Hampel 1974.
     """
     judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]
     if len(force) < _MIN_SAMPLES:
@@ -58,14 +59,15 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     # The noise, by second differences.
     steps = np.abs(np.diff(force))
     least_step = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    scale = max(_STD_OF_MEDIAN * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least_step, noise)
+    size = MEDIAN_TO_STD * float(np.median(np.abs(np.diff(force, 2))))
+    scale = max(size / np.sqrt(_SECOND_DIFFERENCE_VARIANCE), least_step, noise)
     # A fast motion is not a spike: what neighbouring readings do as well.
     limit = _SIGNIFICANT * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return distance[judged & (np.abs(distance) > limit)] if scale > 0 else np.zeros(0)
 
 
 def _running_median(values: Floats) -> Floats:
-    """Median (n,) of each value and its neighbours, the outermost repeated beyond both ends."""
+    """Return the median (n,) of each value and its neighbours, the outermost repeated beyond both ends."""
     medians = np.empty(len(values))
     padded = np.pad(values, _REACH, mode="edge")
     for start in range(0, len(values), _MAX_WINDOWS):

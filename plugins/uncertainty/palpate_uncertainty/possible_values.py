@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from palpate import Diagnosed, Flag, TrackEvidence
 from palpate_kit.terminal.quantities import number_with_unit
 
-EXPLAINED = 3.5  # combined uncertainties, which one of 4000 values at a bound is beyond by chance
-UNDETERMINED = 2.0  # combined uncertainties of none, within which a value is not determined by itself
+EXPLAINED = 3.5  # combined uncertainties: one of 4000 values at a bound is beyond by chance
+UNDETERMINED = 2.0  # combined uncertainties from a bound (choice), within which a value is not determined by itself
 
 
 def possible_values(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:

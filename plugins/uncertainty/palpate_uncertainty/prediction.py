@@ -13,8 +13,8 @@ from palpate_engine import Result
 from palpate_kit.terminal.prediction_text import BLOCK, HALF, prediction_text
 
 _SMALLEST_LENGTH = 1e-300  # of a column in a quotient, in place of 0: near the smallest double
-BLOCKS = 20  # of a press, of which every second one is fitted: each half sees all depths
-FEWEST_SAMPLES = 100  # of a record, below which a half determines nothing
+BLOCKS = 20  # of a press (choice), of which every second one is fitted: each half sees all depths
+FEWEST_SAMPLES = 100  # of a record (choice), below which a half determines nothing
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Prediction:
     words: str  # which part predicts which
 
     def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
+        """Return the prediction as in ``result.json``."""
         return {"error": self.error, "words": self.words}
 
 
@@ -56,10 +56,11 @@ def predict_other_half(
 
 
 def prediction_lines(result: Result) -> list[str]:
-    """One line for each model of a run that predicts a half of its record."""
+    """Return one line for each model of a run that predicts a half of its record."""
     lines = dict[str, str]()
+    has_several_models = len({track.model for track in result.tracks.values()}) > 1
     for track in result.tracks.values():
-        if found := track.diagnoses.get("model-discrepancy", {}).get("prediction"):
-            name = f"{track.model}: " if len({one.model for one in result.tracks.values()}) > 1 else ""
-            lines.setdefault(track.model, f"{name}{prediction_text(found['error'], found['words'])}")
+        if prediction := track.diagnoses.get("model-discrepancy", {}).get("prediction"):
+            name = f"{track.model}: " if has_several_models else ""
+            lines.setdefault(track.model, f"{name}{prediction_text(prediction['error'], prediction['words'])}")
     return list(lines.values())

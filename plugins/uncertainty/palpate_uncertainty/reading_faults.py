@@ -19,22 +19,22 @@ _MAX_AIR_FORCE = 0.2  # of the force that counts as touch: 0.05 N where the sens
 
 
 def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on every track, each with what it does to the track's values by the model's derivatives."""
+    """Return the findings on each track, with their effects on its values by the model's derivatives."""
     findings = {}
     for track in tracks:
         if (end := track.ending) is not None:
-            course = along(track.model, end.tail, end.last, track.values, end.held)
-            flags = (*velocity_flags(track, end, course), *air_force_flags(track.model, end, course))
+            sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
+            flags = (*velocity_flags(track, end, sensitivity), *air_force_flags(track.model, end, sensitivity))
             if flags:
                 findings[track.name] = Diagnosed(flags)
     return findings
 
 
-def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
-    """Yield a velocity that lags the position, and what it moves by the way in which the estimator uses it.
+def velocity_flags(track: TrackEvidence, end: TrackEnd, sensitivity: Along | None) -> Iterator[Flag]:
+    """Yield the flag of a velocity that lags the position, with its effect by the motion that the estimator uses.
 
-    Where the velocity is all that it knows of the motion, the motion is late: theta shifts as with a delay of the force
-    of the other sign. Where the position is used as well, only the rate is late: f = -dF/dd' d'' tau.
+    For an estimator that uses the velocity alone, the motion is late: theta shifts as with a delay of the force of the
+    other sign. If it uses the position as well, only the rate is late: f = -dF/dd' d'' tau.
     """
     if track.estimator.motion == "position":
         return
@@ -49,19 +49,19 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None) ->
     if abs(lateness) <= max(_MIN_LATENESS, _MIN_DEVIATIONS * uncertainty):
         return
     text = f"the velocity is {1e3 * lateness:.2g} ms late against the position: filtered, or of another clock"
-    if course is None:
+    if sensitivity is None:
         yield Flag("velocity-late", text)
         return
     if track.estimator.motion == "velocity":
-        shifts: Floats | None = lateness * delay_shifts(track.model, course, track.values)
+        shifts: Floats | None = lateness * delay_shifts(track.model, sensitivity, track.values)
     else:
-        late_rate = None if course.by_rate is None else lateness * course.by_rate * course.acceleration
-        shifts = None if late_rate is None else course.answer(late_rate)
+        late_rate = None if sensitivity.by_rate is None else lateness * sensitivity.by_rate * sensitivity.acceleration
+        shifts = None if late_rate is None else sensitivity.answer(late_rate)
     yield Flag("velocity-late", text, effects=effects_by_name(track.model, shifts))
 
 
-def air_force_flags(model: ContactModel, end: TrackEnd, course: Along | None) -> Iterator[Flag]:
-    """Yield a force before the first touch, and what it moves where it is a wrong zero."""
+def air_force_flags(model: ContactModel, end: TrackEnd, sensitivity: Along | None) -> Iterator[Flag]:
+    """Yield the flag of a force before the first touch, with its effect as a wrong zero."""
     report = end.report
     if (
         "tare" in end.included
@@ -70,6 +70,6 @@ def air_force_flags(model: ContactModel, end: TrackEnd, course: Along | None) ->
     ):
         return
     text = f"before the first touch the force is {report.air_force:+.2g} N, where it should be none"
-    shifts = per_newton(course)
+    shifts = per_newton(sensitivity)
     effects = effects_by_name(model, None if shifts is None else report.air_force * shifts)
     yield Flag("untared", text, effects=effects)

@@ -15,14 +15,18 @@ from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
 from palpate_uncertainty.channel_noise import Runs
 
+# Choices, unless a law is named.
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _DEPTH_STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 IN_AIR = 0.05  # of the largest depth, above the surface by which a sample is in air
 _WINDOWS = (5, 9, 15, 25, 41)  # samples of the local cubic for height and rate
 _MAX_BEND_SHARE = 0.1  # of the noise that smoothing may take from the signal
-_MAX_ANSWERS = 8  # answers that a course keeps
+_MAX_CACHED_FORCES = 8  # that a course keeps
 _CORNER_DEVIATIONS = 4.0  # standard deviations of a mean over the window
+_MOTION_NOISE_SAMPLES = 500  # at which the noise of the motion is taken: a choice of time
+_MIN_SPAN = 1e-9  # [s] of a course, so that a share of it is finite
+_THIRD_DIFFERENCE_VARIANCE = 20.0  # variance of third differences of white noise of variance 1: 1 + 9 + 9 + 1
 
 _T = TypeVar("_T")
 
@@ -41,26 +45,26 @@ class Course:
     used: NDArray[np.bool_]  # (n,) fitted
     begin: float  # [s] of the first sample
     span: float  # [s] to the last
-    from_air: bool  # whether the record saw the tip come into contact
-    noise: tuple[float, float]  # [m], [m/s] standard deviations of what smoothing has left of the noise of the motion
+    from_air: bool  # True if the record begins before the contact
+    noise: tuple[float, float]  # [m], [m/s] standard deviations of the noise that remains in the smoothed motion
 
-    def reduced(self, most: int) -> Course:
-        """At most so many of the fitted samples, and no others: for what does not depend on the past."""
+    def reduced(self, max_samples: int) -> Course:
+        """Return at most so many of the fitted samples, evenly spread: for a force that does not depend on the past."""
         rows = np.flatnonzero(self.used)
-        rows = rows[:: max(1, -(-len(rows) // most))]
+        rows = rows[:: max(1, -(-len(rows) // max_samples))]
         names = ("time", "force", "height", "rate", "acceleration", "runs", "used")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def depth(self, surface: float) -> Floats:
-        """Depth (n,) [m] below a surface [m]; negative above."""
+        """Return the depth (n,) [m] below a surface [m]; negative above."""
         return np.asarray(surface - self.height)
 
     def forces(self, theta: Floats, surface: float) -> Floats:
-        """Contact force (n,) [N] of the model."""
+        """Return the contact force (n,) [N] of the model."""
         return self._once("forces", theta, surface, lambda: self._force(self.depth(surface), self.rate, theta))
 
     def yielded(self, theta: Floats, surface: float, way: Floats, speed: Floats) -> Floats:
-        """Contact force (n,) [N] where a way (n,) [m] of the depth, and its rate (n,) [m/s], are not the material's."""
+        """Return the contact force (n,) [N] if the mount takes a way (n,) [m] of the depth, and its rate (n,) [m/s]."""
         return self._force(self.depth(surface) - way, self.rate - speed, theta)
 
     def _force(self, depth: Floats, rate: Floats, theta: Floats) -> Floats:
@@ -69,7 +73,7 @@ class Course:
         return np.asarray(contact_force(self.model, depth, rate, theta.tolist()), dtype=float) + 0.0 * depth
 
     def elastic(self, theta: Floats, surface: float) -> tuple[Floats, Floats]:
-        """Force (n,) [N] at the same depths at rest, and its slope in depth (n,) [N/m]; for models without memory."""
+        """Return the force (n,) [N] at the same depths at rest, and its slope (n,) [N/m]; for models without memory."""
 
         def at_rest() -> tuple[Floats, Floats]:
             depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
@@ -82,26 +86,26 @@ class Course:
     def _latest(self) -> dict[Any, Any]:
         return {}
 
-    def _once(self, what: str, theta: Floats, surface: float, evaluate: Callable[[], _T]) -> _T:
-        """Return the same for the same numbers, of which a search varies one at a time."""
-        key = what, theta.tobytes(), surface
+    def _once(self, quantity: str, theta: Floats, surface: float, evaluate: Callable[[], _T]) -> _T:
+        """Return a quantity, evaluated once for the same numbers, of which a search varies one at a time."""
+        key = quantity, theta.tobytes(), surface
         if key not in self._latest:
-            if len(self._latest) >= _MAX_ANSWERS:
+            if len(self._latest) >= _MAX_CACHED_FORCES:
                 del self._latest[next(iter(self._latest))]
             self._latest[key] = evaluate()
-        found: _T = self._latest[key]
-        return found
+        values: _T = self._latest[key]
+        return values
 
     def motion_noise(self, theta: Floats, surface: float) -> float:
-        """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
-        small = self.reduced(500) if not self.model.memory else self
+        """Return the mean square [N^2] of the force by the noise of the smoothed motion: slow, and no lack of fit."""
+        small = self.reduced(_MOTION_NOISE_SAMPLES) if not self.model.memory else self
         depth, force = small.depth(surface), small.forces(theta, surface)
         by_depth = (small._force(depth + _DEPTH_STEP, small.rate, theta) - force) / _DEPTH_STEP
         by_rate = (small._force(depth, small.rate + _RATE_STEP, theta) - force) / _RATE_STEP
         return float(np.mean((by_depth * self.noise[0]) ** 2 + (by_rate * self.noise[1]) ** 2))
 
     def change(self, theta: Floats, surface: float) -> Floats:
-        """Slope in time (n,) [N/s] of the model's force."""
+        """Return the slope in time (n,) [N/s] of the model's force."""
         return self._once("change", theta, surface, lambda: self._change(theta, surface))
 
     def _change(self, theta: Floats, surface: float) -> Floats:
@@ -126,12 +130,12 @@ def sweeps(track: TrackEvidence) -> bool:
 
 
 def free_unknowns(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(k + 1,) parameters, and the surface, that a track determines; all where nothing says which are held fixed."""
+    """Return True (k + 1,) for the parameters and the surface that a track determines: all that are not held fixed."""
     return free_columns(track.model, track.ending.held if track.ending is not None else ())
 
 
 def depths_in_contact(track: TrackEvidence) -> Floats:
-    """Depths (n,) [m] of the samples that a track used, by its surface, where they are known and positive."""
+    """Return the depths (n,) [m], by its surface, of the samples that a track used: those that are positive."""
     depth = track.surface - track.kept.position[track.kept.used]
     return np.asarray(depth[np.isfinite(depth) & (depth > 0)])
 
@@ -146,7 +150,7 @@ def zero_without_air(track: TrackEvidence) -> Unknown | None:
 
 
 def possible(track: TrackEvidence) -> bool:
-    """True where all of a track's numbers are possible, so that its model can be asked for forces."""
+    """Return True if all of a track's numbers are possible, so that its model has a force."""
     pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
     return all(parameter.lowest_estimate <= value <= parameter.upper for parameter, value in pairs)
 
@@ -159,7 +163,8 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, kept.runs,
-        used & motion.known & np.isfinite(force), first, max(last - first, 1e-9), len(track.air_time) > 0, motion.noise,
+        used & motion.known & np.isfinite(force), first, max(last - first, _MIN_SPAN), len(track.air_time) > 0,
+        motion.noise,
     )  # fmt: skip
 
 
@@ -171,11 +176,12 @@ class _SmoothMotion(NamedTuple):
     rate: Floats  # (n,) [m/s] of the depth
     smooth_acceleration: Floats  # (n,) [m/s^2] of the depth
     known: NDArray[np.bool_]  # (n,)
-    noise: tuple[float, float]  # [m], [m/s] that smoothing has left
+    noise: tuple[float, float]  # [m], [m/s] that remains after smoothing
 
 
 @lru_cache(maxsize=2)  # several diagnoses of a track ask
 def _motion(kept: SampleStore) -> _SmoothMotion:
+    """Return the smoothed motion of kept samples, and True for those that are neither at an end nor at a corner."""
     runs, acceleration = kept.runs, np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
@@ -194,7 +200,7 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
-    """Slopes (n,) in time within the runs; none within a run of one sample."""
+    """Return the slopes (n,) in time within the runs; 0 within a run of one sample."""
     pieces = np.split(np.arange(len(values)), np.flatnonzero(np.diff(runs)) + 1)
     slopes = [
         np.gradient(values[p], time[p]) if len(p) > 1 and np.all(np.diff(time[p]) > 0) else np.zeros(len(p))
@@ -204,28 +210,29 @@ def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
 
 
 def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]]:
-    """Heights or rates (n,) by local cubics over a symmetric window, the noise left, and where the motion is bent.
+    """Return heights or rates (n,) smoothed by local cubics, their remaining noise, and True (n,) near a corner.
 
     A noisy regressor takes from what it multiplies (a viscosity by the noise of the rate over its mean square), and the
-    residual shows that as a pattern over phase. The window is the longest, of at most 41 samples, that takes less from
-    the signal than a tenth of the noise. Where the motion has a corner, it takes more of it: (n,) of the samples by it.
+    residual shows that as a pattern over phase. The window is symmetric, and the longest, of at most 41 samples, that
+    takes less from the signal than a tenth of the noise. At a corner of the motion it takes more.
     """
     third = np.diff(values, 3)
     third = third[np.isfinite(third)]
-    noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
+    noise = float(np.sqrt(np.mean(third**2) / _THIRD_DIFFERENCE_VARIANCE)) if len(third) else 0.0
     if noise == 0.0 or not np.isfinite(values).all():
         return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, longest = values, 0
     for width in (width for width in _WINDOWS if width <= len(values)):
-        tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
-        taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
-        if float(np.mean(taken**2)) > (_MAX_BEND_SHARE**2 + 2.0 / width) * noise**2:
+        smoothed = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
+        # The slow part of the difference was signal; a mean of white noise over the window has 1/width of its variance.
+        bend = np.convolve(values - smoothed, np.ones(width) / width, "valid")
+        if float(np.mean(bend**2)) > (_MAX_BEND_SHARE**2 + 2.0 / width) * noise**2:
             break
-        smooth, longest = tried, width
+        smooth, longest = smoothed, width
     if not longest:
         return values, 0.0, np.zeros(len(values), bool)
-    bent = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
-    corners = np.abs(bent) > _CORNER_DEVIATIONS * noise / np.sqrt(longest)
-    corners = np.convolve(corners, np.ones(longest), "same") > 0.5
-    return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(corners)
+    bend = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
+    is_corner = np.abs(bend) > _CORNER_DEVIATIONS * noise / np.sqrt(longest)
+    is_near_corner = np.convolve(is_corner, np.ones(longest), "same") > 0.5
+    return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(is_near_corner)

@@ -9,11 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Diagnosed, Floats, TrackEvidence, contact_force
 
 from palpate_uncertainty.whiteness import oscillation
 
-EDGES = (0.1, 1 / 3, 2 / 3, 1.0)  # of the deepest depth; above the first the surface decides what a slope is
+# Choices.
+EDGES = (0.1, 1 / 3, 2 / 3, 1.0)  # of the deepest depth; a slope above the first depends on the surface
 FEWEST_SAMPLES = 20  # of a stretch
 LARGEST_CORRELATION = 0.99  # of neighbouring residuals, beyond which a stretch has no independent samples
 
@@ -33,36 +35,48 @@ def stiffness_over_depth(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagno
 
 
 def _table(track: TrackEvidence) -> dict[str, Any]:
-    """Return `parameter`, `depth` (4,) [m], `values` and `std` (3,) [SI]; empty of another motion or law."""
+    """Return `parameter`, `depth` (4,) [m], `values` and `std` (3,) [SI]; empty for another motion or law."""
     elastic = [i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic"]
     rows = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
-    depth, force = (track.surface - track.kept.position)[rows], track.kept.force[rows]
+    depth = (track.surface - track.kept.position)[rows]
     if len(elastic) != 1 or track.model.memory or not len(depth) or not np.max(depth) > 0:
         return {}
     modulus = float(track.values[elastic[0]])
     if not modulus or oscillation(track.kept.time[rows], track.kept.position[rows]) is not None:
         return {}
-    rate, theta = -track.kept.velocity[rows], track.values.tolist()
-    at_rest = np.asarray(contact_force(track.model, depth, 0.0, theta))
-    viscous = np.asarray(contact_force(track.model, depth, rate, theta)) - at_rest
-    # The way back of a material that dissipates has another slope.
-    inward = np.arange(len(depth)) <= int(np.argmax(depth))
     edges = [part * float(np.max(depth)) for part in EDGES]
-    slopes = [
-        slope_of(at_rest[stretch] / modulus, (force - viscous)[stretch])
-        for low, high in pairwise(edges)
-        for stretch in [inward & (depth > low) & (depth <= high)]
-    ]
-    known = [slope for slope in slopes if slope is not None]
-    if len(known) < len(slopes):
+    slopes = _slopes(track, rows, edges, modulus)
+    if not slopes:
         return {}
     name = track.model.parameters[elastic[0]].name
-    values, std = [slope.value for slope in known], [slope.std for slope in known]
+    values, std = [slope.value for slope in slopes], [slope.std for slope in slopes]
     return {"parameter": name, "depth": edges, "values": values, "std": std}
 
 
+def _slopes(track: TrackEvidence, rows: NDArray[np.bool_], edges: Sequence[float], modulus: float) -> list[Slope]:
+    """Return the modulus between each two edges [m] of the depth; empty if one has too few samples.
+
+    The force less its viscous part is compared with that of a unit modulus at rest, of the way in alone: the way out of
+    a material that dissipates has another slope.
+    """
+    depth, rate = (track.surface - track.kept.position)[rows], -track.kept.velocity[rows]
+    theta = track.values.tolist()
+    force_at_rest = np.asarray(contact_force(track.model, depth, 0.0, theta))
+    viscous_force = np.asarray(contact_force(track.model, depth, rate, theta)) - force_at_rest
+    elastic_force = track.kept.force[rows] - viscous_force
+    is_inward = np.arange(len(depth)) <= int(np.argmax(depth))
+    slopes: list[Slope] = []
+    for low, high in pairwise(edges):
+        stretch = is_inward & (depth > low) & (depth <= high)
+        slope = slope_of(force_at_rest[stretch] / modulus, elastic_force[stretch])
+        if slope is None:
+            return []
+        slopes.append(slope)
+    return slopes
+
+
 def slope_of(unit_force: Floats, force: Floats) -> Slope | None:
-    """Return the slope of a force (n,) [N] over that of a unit modulus (n,); None of too few samples.
+    """Return the slope of a force (n,) [N] over that of a unit modulus (n,); None for too few samples.
 
     Its variance is that of least squares, times (1 + r)/(1 - r) for residuals of a correlation r from one sample to the
     next (Bartlett 1946).

@@ -17,21 +17,24 @@ from palpate_uncertainty.inclined_skin import AcrossForce
 
 
 def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Effects on each value of every track of all that is declared, or has a default, and the flags on it."""
+    """Return the effects on each value of every source that is declared or has a default, and the flags on it."""
     return {track.name: _budget(track, track.ending) for track in tracks if track.ending is not None}
 
 
 def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
+    """Return the budget of one track."""
     model, values, settings, report = track.model, track.values, end.settings, end.report
-    if end.is_sweep and report.turned is not None:  # whose motion along the skin is meant to be
+    if end.is_sweep and report.turned is not None:  # on a sweep the motion along the skin is intended
         report = replace(report, turned=replace(report.turned, slope=0.0))
-    found = along(model, end.tail, end.last, values, end.held)
-    shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
+    sensitivity = along(model, end.tail, end.last, values, end.held)
+    shifts = delay_shifts(model, sensitivity, values)
     sources = sources_of(model, end.uncertainties)
     across = AcrossForce.of(track, end)
-    if across is not None and across.tells_friction:  # which says by how much the values are off
+    if across is not None and across.tells_friction:  # the bias by friction is determined, in place of its default
         sources = tuple(source for source in sources if source.name != "stick" or source.declared)
-    terms = systematic_terms(found, shifts, timing, settings, report, sources, end.included)
+    terms = systematic_terms(sensitivity, shifts, settings.timing_uncertainty, settings, report, sources, end.included)
+
+    # The share of each value by which the robot's compliance shifts it.
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
     shares = compliance / np.where(values != 0, np.abs(values), np.inf)
     names = [parameter.name for parameter in model.parameters]

@@ -14,6 +14,7 @@ from palpate_uncertainty.alternative_fit import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible
 from palpate_uncertainty.refitted_model import judged_rows
 
+# Choices.
 SIGNIFICANT = 5.0  # standard uncertainties of the force that is missing where the zero was taken
 FEWEST_READINGS = 10  # of the tare
 DEPTH_STEP = 1e-6  # [m] for a slope
@@ -73,9 +74,10 @@ def _next_zero(zeros: list[float], forces: list[float]) -> float:
 
 
 def _refit_with_zero(track: TrackEvidence, course: Course, zero: float) -> Refit:
+    """Return the refit to the force with a zero [N] added."""
     return refit(replace(course, force=course.force + zero), track.values, track.surface)
 
 
 def _force_at(track: TrackEvidence, theta: Floats, depth: float) -> float:
-    """Force [N] of the model at rest at a depth [m]; none above the surface."""
+    """Return the force [N] of the model at rest at a depth [m]; 0 above the surface."""
     return float(np.ravel(contact_force(track.model, np.array([max(depth, 0.0)]), 0.0, theta.tolist()))[0])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, Flag, TrackEnd, TrackEvidence
 from palpate_kit.budget.force_sensitivity import along
 
 from palpate_uncertainty.delay.passivity import force_lateness
@@ -14,25 +14,34 @@ from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
 
 
 def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """For every track whose contact does net work: no viscosity is known, the rest is shifted by at least that delay.
+    """Return the finding on each track whose contact does net work.
 
-    How late the force is beyond what shows in the work is as long as the material's own eta/G, which is not known then.
+    No viscosity of it is known, and the other values are shifted by at least that delay. Beyond what the work shows,
+    the force may be late by as much as the material's own eta/G, which is not known then.
     """
-    found = {}
+    findings = {}
     for track in tracks:
         end = track.ending
-        late = force_lateness(end.tail, track.tip_mass or 0.0) if end is not None and not end.is_sweep else None
-        if end is None or late is None:
+        if end is None or end.is_sweep:
             continue
-        said = f"the contact does net work: the force is at least {1e3 * late:.2g} ms late"
-        if not np.isfinite(track.values).all():
-            said += ", which is likely why the estimates diverged: the viscosity would be negative"
-            found[track.name] = Diagnosed((Flag("force-late", said),))
-            continue
-        shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
-        parts = list(zip(track.model.parameters, np.abs(late * shifts).tolist(), strict=True))
-        viscous = frozenset(parameter.name for parameter, _ in parts if is_viscous(parameter))
-        terms = {parameter.name: shift for parameter, shift in parts if parameter.name not in viscous and shift > 0}
-        flag = Flag("force-late", said, effects=terms | dict.fromkeys(sorted(viscous), math.inf))
-        found[track.name] = Diagnosed((flag,), terms=terms, unknown=viscous)
-    return found
+        lateness = force_lateness(end.tail, track.tip_mass or 0.0)
+        if lateness is not None:
+            findings[track.name] = _finding(track, end, lateness)
+    return findings
+
+
+def _finding(track: TrackEvidence, end: TrackEnd, lateness: float) -> Diagnosed:
+    """Return the shifts of all values by a force that is late by at least so many seconds."""
+    text = f"the contact does net work: the force is at least {1e3 * lateness:.2g} ms late"
+    if not np.isfinite(track.values).all():
+        text += ", which is likely why the estimates diverged: the viscosity would be negative"
+        return Diagnosed((Flag("force-late", text),))
+    sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
+    shifts = np.abs(lateness * delay_shifts(track.model, sensitivity, track.values)).tolist()
+    viscous = frozenset(parameter.name for parameter in track.model.parameters if is_viscous(parameter))
+    terms: dict[str, float] = {}
+    for parameter, shift in zip(track.model.parameters, shifts, strict=True):
+        if parameter.name not in viscous and shift > 0:
+            terms[parameter.name] = shift
+    flag = Flag("force-late", text, effects=terms | dict.fromkeys(sorted(viscous), math.inf))
+    return Diagnosed((flag,), terms=terms, unknown=viscous)
