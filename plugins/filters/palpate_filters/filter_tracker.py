@@ -20,6 +20,7 @@ _MAX_OFFSET = 1e-3  # [m], a choice: a touch so far along the surface shows noth
 _WINDOW_GROWTH = 0.2  # start windows, a choice: the growth of the window after an attempt that failed
 _MAX_ATTEMPTS = 15  # a choice: patient starts, by which the window has grown fourfold
 _TIME_ROUNDING = 1e-9  # [s], the resolution of time-stamps
+_IS_MARKED = 0.5  # between a mark of 0 and one of 1
 _DIVERGED = int(Status.DIVERGED)
 
 
@@ -42,6 +43,10 @@ class RecursiveTracker:
         listener: Callable[[ActiveStretch, Floats], None] | None = None,
         details: Mapping[str, Any] | None = None,
     ) -> None:
+        """Compile the step of a recursion, which starts by `opening` and whose outputs a `listener` gets.
+
+        `details` are added to every block of estimates.
+        """
         from palpate_filters.free_air import FreeAir
 
         self.recursion = recursion
@@ -51,9 +56,11 @@ class RecursiveTracker:
         self._listener = listener
         self.opening = opening or FilterStart()
         self._kernel = compile_step(recursion.step)
+        # The noise that is measured in free air, and the settings of the step that wait for it.
         self._free_air = FreeAir(self.opening.standstill) if self.opening.measure_noise else None
         self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
+        # The state after the last sample, and the samples before a start.
         self._carry = Carry(None, np.nan)
         self._waiting: list[_PausedFilter] = []
         self._attempts = 0
@@ -84,7 +91,7 @@ class RecursiveTracker:
         assert self._settings is not None
         place, k = self._place, self.recursion.parameters
         row = self._advance(self._carry.state, sample, sample.interval, self._settings, slice(0, 1))[0].tolist()
-        status = sum(mark for at, mark in self._marks if row[at] > 0.5)
+        status = sum(mark for column, mark in self._marks if row[column] > _IS_MARKED)
         self._diverged |= bool(status & _DIVERGED)
         nis, innovation = row[place.at("nis")], row[place.at("innovation")]
         numbers = [
@@ -267,13 +274,13 @@ class RecursiveTracker:
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, unreported: Floats | None = None
     ) -> None:
         """Write outputs as estimates of some rows; after a divergence, also an unreported one, they are NaN."""
-        place, at = self._place, self._place.at
+        place, column = self._place, self._place.at
         status = np.zeros(len(outputs), np.uint32)
-        marked = outputs[:, self._marked] > 0.5
-        for column, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
-            status[column] |= np.uint32(mark)
+        marked = outputs[:, self._marked] > _IS_MARKED
+        for is_marked, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
+            status[is_marked] |= np.uint32(mark)
         if unreported is not None:
-            self._diverged |= bool((unreported[:, at("diverged")] > 0.5).any())
+            self._diverged |= bool((unreported[:, column("diverged")] > _IS_MARKED).any())
         # A filter that has diverged stays so.
         diverged = (status & _DIVERGED > 0) | self._diverged
         if diverged.any():
@@ -284,9 +291,9 @@ class RecursiveTracker:
         columns = {
             "values": outputs[:, place["values"]],
             "std": np.sqrt(np.maximum(outputs[:, place["variances"]], 0.0)),
-            "surface": part.position + outputs[:, at("depth")],
-            "surface_std": np.sqrt(np.maximum(outputs[:, at("depth_variance")], 0.0)),
-            "force": outputs[:, at("force")],
+            "surface": part.position + outputs[:, column("depth")],
+            "surface_std": np.sqrt(np.maximum(outputs[:, column("depth_variance")], 0.0)),
+            "force": outputs[:, column("force")],
             "nis": nis,
             "innovation": innovation,
         }
@@ -303,6 +310,7 @@ def _standard_deviation(variance: float) -> float:
 
 
 def _row_slice(first: int, count: int) -> slice:
+    """Return `count` rows from the first."""
     return slice(first, first + count)
 
 

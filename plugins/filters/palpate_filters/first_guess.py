@@ -54,7 +54,8 @@ def _default_guess(
         return parameter.start, parameter.start_std
     # The middle of the bounds; two standard deviations reach to either of them.
     if math.isfinite(parameter.lower) and math.isfinite(parameter.upper):
-        return (parameter.lower + parameter.upper) / 2, (parameter.upper - parameter.lower) / 4
+        half_width = (parameter.upper - parameter.lower) / 2
+        return (parameter.lower + parameter.upper) / 2, half_width / 2
     return None, None
 
 
@@ -84,6 +85,7 @@ def _stated_or(table: Mapping[str, Any], name: str, unit: str, default: float | 
 
 
 def _refuse_unknown(guessed: set[str], model: ContactModel, others: Mapping[str, Sequence[str]]) -> None:
+    """Raise ConfigurationError for a guess of a parameter that neither the model nor another one has."""
     names = [parameter.name for parameter in model.parameters]
     unknown = sorted(guessed.difference(names, *others.values()))
     if unknown:

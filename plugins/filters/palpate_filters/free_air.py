@@ -10,6 +10,7 @@ from palpate import Floats, LogError, Samples
 
 _MIN_SAMPLES = 50  # a choice: 50 samples give a standard deviation to 10 %, 1/sqrt(2 n)
 _MAX_SAMPLES = 2000  # a choice: the latest before contact
+_SECOND_DIFFERENCE_VARIANCE = 6.0  # variance of second differences of white noise of variance 1: 1 + 4 + 1
 _MAX_TRAVEL = 1e-4  # [m], a choice: a tip that travels further was not at rest
 
 
@@ -72,4 +73,4 @@ def _from_curvature(values: Floats) -> float:
             f'noise = "measure" needs {_MIN_SAMPLES} samples of free air before the first '
             f'contact, the record has {len(curvature)}; set noise = "given", force_std and velocity_std'
         )
-    return float(np.sqrt(np.mean(curvature**2) / 6.0))
+    return float(np.sqrt(np.mean(curvature**2) / _SECOND_DIFFERENCE_VARIANCE))

@@ -14,6 +14,9 @@ from palpate_filters.kinematic_step import jerk_covariance
 
 _START_STD = (1e-4, 1e-2, 1.0)  # [m], [m/s], [m/s^2], a choice: the gains start from it and forget it
 _MOTION_STATES = 3  # height, velocity, acceleration
+_SAMPLE_ENTRIES = 5  # depth, rate, acceleration, its jump, interval
+_ASSUMED_NOISES = 4  # of force, position, velocity and jerk
+_NOISES = _ASSUMED_NOISES + 3  # and the real ones of force, position and velocity
 _MAX_CONDITION = 1e12  # a choice: beyond it a solution of a scaled system has no four digits left of a double's 16
 
 
@@ -72,45 +75,78 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
     q = k + 1
     size = n * (1 + q)
     P, C, psi, mean = ca.SX.sym("P", n, n), ca.SX.sym("C", size, size), ca.SX.sym("psi", n, q), ca.SX.sym("e", n)
-    state = ca.vertcat(ca.vec(P), ca.vec(C), ca.vec(psi), mean)
-    sample, numbers = ca.SX.sym("w", 5), ca.SX.sym("p", k + 7)
-    interval, jump = sample[4], sample[3]
-    assumed, real = numbers[k : k + 4], numbers[k + 4 :]
+    sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + _NOISES)
+    assumed, real = numbers[k : k + _ASSUMED_NOISES], numbers[k + _ASSUMED_NOISES :]
 
     # Update with position, velocity and force, and add each to both sums of the bias.
     information, pull = ca.SX.zeros(q, q), ca.SX.zeros(q)
+    statistics = _ErrorStatistics(P, C, psi, mean)
     for measured in _measurements(model, mass, sample, numbers[:k], assumed, real):
-        row = measured.row
-        column = P @ row.T
-        S = ca.dot(row.T, column) + measured.assumed_std**2
-        K = column / S
-        slopes = measured.by_constants + row @ psi  # (1, q)
-        slopes_by_error = measured.mixed + psi.T @ measured.curvature  # (q, n): h_theta_m + psi h_mm
-        parts = ca.vertcat(*[row @ C[n * (1 + i) : n * (2 + i), :n] for i in range(q)]) + slopes_by_error @ C[:n, :n]
-        information += slopes.T @ slopes / S
-        pull -= (parts @ row.T + slopes.T * (row @ mean)) / S
-        reduction = ca.SX.eye(n) - K @ row  # 1 - K h_m
-        joint = ca.kron(ca.SX.eye(1 + q), reduction)
-        for i in range(q):
-            joint[n * (1 + i) : n * (2 + i), :n] = -K @ slopes_by_error[i, :]
-        C = congruence(joint, C)
-        C[:n, :n] += K @ K.T * measured.real_std**2
-        psi, mean = psi - K @ slopes, reduction @ mean
-        P = congruence(reduction, P) + K @ K.T * measured.assumed_std**2
-
-    # Predict: white jerk drives the filter's gain alone; a constant acceleration misses its jump.
-    T = interval
-    A = ca.vertcat(ca.horzcat(1, T, T**2 / 2), ca.horzcat(0, 1, T), ca.horzcat(0, 0, 1))
-    driven = assumed[3] * ca.vertcat(*[ca.horzcat(*powers) for powers in jerk_covariance(T)])
-    defect = jump * ca.vertcat(T**2 / 6, T / 2, 1)  # height falls as depth grows
-    C_next = congruence(ca.kron(ca.SX.eye(1 + q), A), C)
+        statistics, measured_information, measured_pull = _update(statistics, measured)
+        information += measured_information
+        pull -= measured_pull
+    after = _predict(statistics, interval=sample[4], jump=sample[3], jerk=assumed[3])
     return Step(
-        state=state,
+        state=ca.vertcat(ca.vec(P), ca.vec(C), ca.vec(psi), mean),
         sample=sample,
         settings=numbers,
-        next_state=ca.vertcat(ca.vec(congruence(A, P) + driven), ca.vec(C_next), ca.vec(A @ psi), A @ mean + defect),
+        next_state=ca.vertcat(ca.vec(after.P), ca.vec(after.C), ca.vec(after.psi), after.mean),
         output=ca.vertcat(ca.vec(information), pull),
     ), Layout(information=q * q, pull=q)
+
+
+@dataclass(frozen=True)
+class _ErrorStatistics:
+    """The covariance that gives the gain, and the statistics of the filter's errors."""
+
+    P: Any  # (n, n) as the filter assumes it
+    C: Any  # (n (1 + q), n (1 + q)) covariance of e and psi~ together
+    psi: Any  # (n, q)
+    mean: Any  # (n,) E[e]
+
+
+def _update(before: _ErrorStatistics, measured: _Measurement) -> tuple[_ErrorStatistics, Any, Any]:
+    """Return the statistics after a measurement, its psi psi^T/S (q, q), and its (E[psi~ h_m e] + psi h_m E[e])/S."""
+    import casadi as ca
+
+    n, q, row = _MOTION_STATES, before.psi.shape[1], measured.row
+    # Gain, and slopes of the innovation in the constants and of these in the error.
+    column = before.P @ row.T
+    S = ca.dot(row.T, column) + measured.assumed_std**2
+    K = column / S
+    slopes = measured.by_constants + row @ before.psi  # (1, q)
+    slopes_by_error = measured.mixed + before.psi.T @ measured.curvature  # (q, n): h_theta_m + psi h_mm
+
+    # Both sums of the bias.
+    products = ca.vertcat(*[row @ before.C[n * (1 + i) : n * (2 + i), :n] for i in range(q)])
+    products += slopes_by_error @ before.C[:n, :n]
+    information = slopes.T @ slopes / S
+    pull = (products @ row.T + slopes.T * (row @ before.mean)) / S
+
+    # e' = (1 - K h_m) e + K n and psi~' = (1 - K h_m) psi~ - K (h_theta_m + psi h_mm) e.
+    reduction = ca.SX.eye(n) - K @ row
+    joint = ca.kron(ca.SX.eye(1 + q), reduction)
+    for i in range(q):
+        joint[n * (1 + i) : n * (2 + i), :n] = -K @ slopes_by_error[i, :]
+    C = congruence(joint, before.C)
+    C[:n, :n] += K @ K.T * measured.real_std**2
+    P = congruence(reduction, before.P) + K @ K.T * measured.assumed_std**2
+    return _ErrorStatistics(P, C, before.psi - K @ slopes, reduction @ before.mean), information, pull
+
+
+def _predict(before: _ErrorStatistics, interval: Any, jump: Any, jerk: Any) -> _ErrorStatistics:
+    """Return the statistics an interval [s] later, with a jump of the acceleration and the assumed density of jerk.
+
+    White jerk drives the filter's gain alone; a constant acceleration misses its jump.
+    """
+    import casadi as ca
+
+    T = interval
+    A = ca.vertcat(ca.horzcat(1, T, T**2 / 2), ca.horzcat(0, 1, T), ca.horzcat(0, 0, 1))
+    driven = jerk * ca.vertcat(*[ca.horzcat(*powers) for powers in jerk_covariance(T)])
+    defect = jump * ca.vertcat(T**2 / 6, T / 2, 1)  # height falls as depth grows
+    C = congruence(ca.kron(ca.SX.eye(1 + before.psi.shape[1]), A), before.C)
+    return _ErrorStatistics(congruence(A, before.P) + driven, C, A @ before.psi, A @ before.mean + defect)
 
 
 @dataclass(frozen=True)
@@ -141,12 +177,10 @@ def _measurements(
     point = [ca.vertcat(0.0, -rate, -acceleration), theta, depth]
     row, by_constants, mixed, curvature = ca.substitute(slopes, [m, t, s], point)
     # Height and velocity are entries of the motion, and have no other slopes.
-    unit, no_constants, no_mixed, no_curvature = (
-        ca.SX.eye(n),
-        ca.SX.zeros(1, k + 1),
-        ca.SX.zeros(k + 1, n),
-        ca.SX.zeros(n, n),
-    )
+    unit = ca.SX.eye(n)
+    no_constants = ca.SX.zeros(1, k + 1)
+    no_mixed = ca.SX.zeros(k + 1, n)
+    no_curvature = ca.SX.zeros(n, n)
     return (
         _Measurement(unit[0, :], no_constants, no_mixed, no_curvature, assumed[1], real[1]),
         _Measurement(unit[1, :], no_constants, no_mixed, no_curvature, assumed[2], real[2]),

@@ -16,6 +16,8 @@ _BIAS_REACH = 5.0  # standard deviations of a bias that the linearisation may la
 _MAX_LOGARITHM = 60.0  # a choice: exp(60) is 1e26, in SI more than any material has
 
 NOISE_COUNT = 10  # of `KinematicNoise`, in its order
+_MEASUREMENTS = 3  # position, velocity, force
+_READINGS = 4  # of a sample: those, and the interval
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ def kinematic_step(
     # Predict, then update with each measurement in turn: their errors are independent.
     x, P, _ = predict(process, mean, mirror(square), reading.interval, noise)
     moments = _update_motion(process, _Moments(x, P, ca.SX(0), ca.SX(0)), reading, noise)
-    at = _linearisation(process, reading, moments.mean) if linearised else None
+    linearisation = _linearisation(process, reading, moments.mean) if linearised else None
     moments, innovation = _update_force(
-        process, moments, reading.force, noise.force**2, iterations, student, centre, at
+        process, moments, reading.force, noise.force**2, iterations, student, centre, linearisation
     )
     nis = ca.if_else(moments.count > 0, moments.squares / ca.fmax(moments.count, 1), -1.0)
 
@@ -100,7 +102,9 @@ def kinematic_step(
     restart = low_count >= MAX_LOW_SAMPLES
     x, P = _restart_material(process, moments.mean, moments.covariance, restart, fresh, fresh_std)
 
-    marks = [low, restart, moments.count < 3, ca.SX(0), _has_diverged(process, x, P), ca.SX(0)]
+    # In the order of `palpate_filters.recursion.MARKS`, of which this filter has four.
+    is_incomplete = moments.count < _MEASUREMENTS
+    marks = [low, restart, is_incomplete, ca.SX(0), _has_diverged(process, x, P), ca.SX(0)]
     output = [report(process, x, P, reading.height), nis, innovation, *marks]
     if with_state:
         output += [x, ca.vec(P)]
@@ -118,9 +122,9 @@ def _reading_symbols(process: KinematicProcess, linearised: bool) -> _SampleSymb
     """Return one sample as symbols, with a state at which to linearise where that is requested."""
     import casadi as ca
 
-    column = ca.SX.sym("w", 4 + process.states * linearised)
-    force, height, velocity, interval = ca.vertsplit(column[:4])
-    return _SampleSymbols(column, force, height, velocity, interval, column[4:])
+    column = ca.SX.sym("w", _READINGS + process.states * linearised)
+    force, height, velocity, interval = ca.vertsplit(column[:_READINGS])
+    return _SampleSymbols(column, force, height, velocity, interval, column[_READINGS:])
 
 
 def predict(
@@ -183,9 +187,11 @@ def _update_motion(
     import casadi as ca
 
     x, P, squares, count = before.mean, before.covariance, before.squares, before.count
-    at = process.layout.at
-    entries = ((at("height"), reading.height, noise.position), (at("velocity"), reading.velocity, noise.velocity))
-    for axis, measured, std in entries:
+    height, velocity = process.layout.at("height"), process.layout.at("velocity")
+    for axis, measured, std in (
+        (height, reading.height, noise.position),
+        (velocity, reading.velocity, noise.velocity),
+    ):
         is_present = ca.fabs(measured) <= MISSING_ABOVE
         gain, P, weight = entry_update(P, axis, std**2, is_present)
         innovation = ca.if_else(is_present, measured, x[axis]) - x[axis]
@@ -226,12 +232,12 @@ def _update_force(
     mean, covariance = before.mean, before.covariance
     x, P, normalised = mean, covariance, ca.SX(0)
     for _ in range(iterations):
-        at = x if linearisation is None else linearisation
+        point = x if linearisation is None else linearisation
         if linearisation is None and process.biased:
-            at = _state_with_bias(process, x, covariance, centre)
+            point = _state_with_bias(process, x, covariance, centre)
         # The innovation of the prediction, by the force's tangent at that state.
-        expected, slope = _linearised_reading(process, at)
-        expected += ca.dot(slope, mean - at)
+        expected, slope = _linearised_reading(process, point)
+        expected += ca.dot(slope, mean - point)
         innovation = ca.if_else(is_present, force, expected) - expected
         used_variance = variance
         if student is not None:
@@ -273,7 +279,7 @@ def _next_centre(process: KinematicProcess, x: Any, P: Any, before: Any, interva
     return [ca.fmin(ca.fmax(after, x[row] - reach), x[row] + reach)]
 
 
-def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
+def _linearised_reading(process: KinematicProcess, point: Any) -> tuple[Any, Any]:
     """Return the force sensor's reading in a state, and its slope (n,), away from the pole of sqrt(d) at 0."""
     import casadi as ca
 
@@ -284,12 +290,12 @@ def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
     force = process.model.force(process.depth(parts), process.rate(parts), theta, parts[process.layout["memory"]])
 
     # It is evaluated no nearer to 0 than the floor, and is 0 out of contact; mass and bias add theirs.
-    place, depth, floored_state = process.layout, process.depth(ca.vertsplit(at)), ca.SX(at)
-    floored_state[place.at("surface")] = at[place.at("height")] + ca.fmax(depth, DEPTH_FLOOR)
+    place, depth, floored_state = process.layout, process.depth(ca.vertsplit(point)), ca.SX(point)
+    floored_state[place.at("surface")] = point[place.at("height")] + ca.fmax(depth, DEPTH_FLOOR)
     slope = ca.substitute(ca.jacobian(force, state).T, state, floored_state) * (depth > 0)
     slope[place.at("acceleration")] -= process.mass
     slope[place["bias"]] += 1
-    return process.reading(ca.vertsplit(at), ca.exp), slope
+    return process.reading(ca.vertsplit(point), ca.exp), slope
 
 
 def _restart_material(
@@ -315,7 +321,7 @@ def _restart_material(
 
 
 def _has_diverged(process: KinematicProcess, x: Any, P: Any) -> Any:
-    """1 where the numbers are not finite, a variance is negative, or depth or parameters are beyond all that occurs."""
+    """Return 1 if the numbers are not finite, a variance is negative, or depth or parameters are out of range."""
     import casadi as ca
 
     variance = ca.diag(P)

@@ -24,6 +24,8 @@ _MIN_SAMPLES = 500  # a choice: one second at 500 Hz; a shorter stretch has no p
 _MAX_SAMPLES = 4096  # of the end of a track, a choice (0120): the prediction costs 0.1 s
 _TRANSIENT_SHARE = 0.25  # of the samples, a choice: the filter's errors become stationary within them
 _MIN_DEPTH = 1e-5  # [m], a choice: slopes are taken no nearer to the pole of sqrt(d)
+_SAMPLE_ENTRIES = 5  # depth, rate, acceleration, its jump, interval
+_SHOWN_DIGITS = 4  # of a corrected value, a choice
 _START_STD = 1e-3  # [m] and [m/s], a choice: the gains start from it and forget it within the transient
 
 
@@ -155,44 +157,80 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     k, r = len(process.model.parameters), len(process.model.memory)
     nx, m = 2 + r, (2 + r) * (1 + k)
     P, C, psi = ca.SX.sym("P", nx, nx), ca.SX.sym("C", m, m), ca.SX.sym("psi", nx, k)
-    mean, memory, sample, numbers = (ca.SX.sym(*s) for s in (("e", nx), ("m", r), ("w", 5), ("p", k + 4)))
-    depth, rate, acceleration, jump, interval = ca.vertsplit(sample)
+    mean, memory = ca.SX.sym("e", nx), ca.SX.sym("m", r)
+    sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)
     theta, assumed, real = numbers[:k], numbers[k : k + 2], numbers[k + 2 :]
 
-    # Update with the rate: gain, then e, psi~, psi and the gain's covariance after it.
-    S = P[1, 1] + assumed[1] ** 2
-    K = P[:, 1] / S
-    reduction = ca.SX.eye(nx)  # 1 - K h^T
-    reduction[:, 1] -= K
-    C_after = congruence(ca.kron(ca.SX.eye(1 + k), reduction), C)
-    C_after[:nx, :nx] += K @ K.T * real[1] ** 2
-    psi_after, mean_after = reduction @ psi, reduction @ mean
-    P_after = mirror(congruence(reduction, P) + K @ K.T * assumed[1] ** 2)
-
-    # Predict along the motion, with the force that makes its acceleration.
-    state = ca.vertcat(depth, rate, memory, theta)
-    force = process.force(ca.vertsplit(state)) + process.mass * acceleration
-    slopes = _process_slopes(process, state, force, interval, psi_after, C_after[:nx, :nx])
-    B = ca.vertcat(*process.gain(interval), *[0.0] * r)
-    defect = ca.vertcat(interval**2 / 6 * jump, interval / 2 * jump, *[0.0] * r)  # of a constant acceleration
-    joint = ca.kron(ca.SX.eye(1 + k), slopes.by_state)
-    joint[nx:, :nx] = slopes.mixed
-    C_next = congruence(joint, C_after)
-    C_next[:nx, :nx] += B @ B.T * real[0] ** 2
-    P_next = congruence(slopes.by_state, P_after) + B @ B.T * assumed[0] ** 2
-    psi_next = slopes.by_state @ psi_after + slopes.by_theta
-    mean_next = slopes.by_state @ mean_after + slopes.curvature - defect
+    before = _ErrorStatistics(P, C, psi, mean)
+    updated = _update(before, assumed[1], real[1])
+    after, next_memory = _predict(process, updated, sample, theta, memory, (assumed[0], real[0]))
 
     # Both sums of the bias, for the rate alone is measured.
+    S = P[1, 1] + assumed[1] ** 2
     psi_rate = psi[1, :].T
     coupling = ca.vertcat(*[C[1, nx * (1 + i) + 1] for i in range(k)])  # E[psi~ e]
     return Step(
         state=ca.vertcat(ca.vec(P), ca.vec(C), ca.vec(psi), mean, memory),
         sample=sample,
         settings=numbers,
-        next_state=ca.vertcat(ca.vec(P_next), ca.vec(C_next), ca.vec(psi_next), mean_next, slopes.next_state[2:]),
+        next_state=ca.vertcat(ca.vec(after.P), ca.vec(after.C), ca.vec(after.psi), after.mean, next_memory),
         output=ca.vertcat(ca.vec(psi_rate @ psi_rate.T) / S, -(coupling + psi_rate * mean[1]) / S),
     ), Layout(information=k * k, pull=k)
+
+
+@dataclass(frozen=True)
+class _ErrorStatistics:
+    """The covariance that gives the gain, and the statistics of the filter's errors."""
+
+    P: Any  # (nx, nx) as the filter assumes it
+    C: Any  # (nx (1 + k), nx (1 + k)) covariance of e and psi~ together
+    psi: Any  # (nx, k)
+    mean: Any  # (nx,) E[e]
+
+
+def _update(before: _ErrorStatistics, assumed_std: Any, real_std: Any) -> _ErrorStatistics:
+    """Return the statistics after a measured rate [m/s]: its gain follows from the assumed noise."""
+    import casadi as ca
+
+    nx, k = before.psi.shape
+    S = before.P[1, 1] + assumed_std**2
+    K = before.P[:, 1] / S
+    reduction = ca.SX.eye(nx)  # 1 - K h^T
+    reduction[:, 1] -= K
+    C = congruence(ca.kron(ca.SX.eye(1 + k), reduction), before.C)
+    C[:nx, :nx] += K @ K.T * real_std**2
+    P = mirror(congruence(reduction, before.P) + K @ K.T * assumed_std**2)
+    return _ErrorStatistics(P, C, reduction @ before.psi, reduction @ before.mean)
+
+
+def _predict(
+    process: InertialProcess, before: _ErrorStatistics, sample: Any, theta: Any, memory: Any, force_std: tuple[Any, Any]
+) -> tuple[_ErrorStatistics, Any]:
+    """Return the statistics and the model's memory at the next sample, along the motion.
+
+    The force is that which makes the acceleration of the sample; its noise [N] is assumed and real.
+    """
+    import casadi as ca
+
+    nx, k = before.psi.shape
+    depth, rate, acceleration, jump, interval = ca.vertsplit(sample)
+    state = ca.vertcat(depth, rate, memory, theta)
+    force = process.force(ca.vertsplit(state)) + process.mass * acceleration
+    slopes = _process_slopes(process, state, force, interval, before.psi, before.C[:nx, :nx])
+    no_memory = [0.0] * (nx - 2)
+    B = ca.vertcat(*process.gain(interval), *no_memory)
+    defect = ca.vertcat(interval**2 / 6 * jump, interval / 2 * jump, *no_memory)  # of a constant acceleration
+
+    # psi~' = f_x psi~ + d(f_x psi + f_theta)/dx e.
+    joint = ca.kron(ca.SX.eye(1 + k), slopes.by_state)
+    joint[nx:, :nx] = slopes.mixed
+    C = congruence(joint, before.C)
+    assumed_std, real_std = force_std
+    C[:nx, :nx] += B @ B.T * real_std**2
+    P = congruence(slopes.by_state, before.P) + B @ B.T * assumed_std**2
+    psi = slopes.by_state @ before.psi + slopes.by_theta
+    mean = slopes.by_state @ before.mean + slopes.curvature - defect
+    return _ErrorStatistics(P, C, psi, mean), slopes.next_state[2:]
 
 
 @dataclass(frozen=True)
@@ -243,7 +281,7 @@ def _diagnosis(track: TrackEvidence, bias: Floats) -> Diagnosed:
         elif abs(shift) > max(_MIN_REPORTED_SHARE * abs(value), _MIN_REPORTED_UNCERTAINTY * combined):
             # No uncertainty here: that of all diagnoses together is not yet known.
             corrected.append(
-                f"{share}; corrected: {number_with_unit(value - shift, parameter.unit, 4)} (see its budget)"
+                f"{share}; corrected: {number_with_unit(value - shift, parameter.unit, _SHOWN_DIGITS)} (see its budget)"
             )
     texts = []
     if corrected:

@@ -63,6 +63,7 @@ class _SmoothingTracker:
     """Forwards with the filter, backwards with the smoother, and again."""
 
     def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
+        """Compile the filter, the step backwards, and the filter that is linearised at smoothed states."""
         self._settings = settings
         first = kinematic_recursion(settings, problem, with_state=True)
         process = kinematic_process(settings, problem)
@@ -74,12 +75,14 @@ class _SmoothingTracker:
         self._smoothed: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
 
         def keep(stretch: ActiveStretch, outputs: Floats) -> None:
+            """Keep the outputs of a stretch for the way back."""
             self._kept.keep(stretch, outputs)
             self._stretches.append(stretch)
 
         def forward(recursion: Recursion) -> RecursiveTracker:
             return RecursiveTracker(recursion, filter_start(settings, problem), keep, causes(settings))
 
+        # The first pass, and those that are linearised at the smoothed states of the pass before.
         self._passes = [forward(first)]
         repetitions = settings.relinearisations(problem.model)
         if repetitions:

@@ -26,6 +26,7 @@ _RATE_MARGIN = 1.1  # a choice: memory for a rate of samples that exceeds the de
 _SPARE_SAMPLES = 16  # a choice: memory for rounding and the ends of smoothing
 _READINGS_PER_SECOND = 2e6  # a choice: how many readings the work of a second may use on a slow controller
 _CHANGE_POINT_PASSES = 4 * 41 + 5  # over the readings, in touch.c: CHANGE_LEVELS grids of CHANGE_GRID, and five more
+_CHANGE_POINT_SEARCHES = 4  # that may follow one another before a start (a bound of 0290)
 _FIT_PASSES = (
     6 * 110
 )  # over the window, in opening.c: 59 misfits of the grid and those of the search, ROW readings each
@@ -115,7 +116,8 @@ def _memory_duration(tare_duration: float, touch_lag: float) -> float:
 
 def _search_duration(filter: ExportedTrack, rate: float, tare_duration: float, touch_lag: float) -> float:
     """Return the longest time [s] of the searches for tare, touch and start, while samples come in."""
-    searches = 4 * _CHANGE_POINT_PASSES * rate * _memory_duration(tare_duration, touch_lag) / _READINGS_PER_SECOND
+    passes = _CHANGE_POINT_SEARCHES * _CHANGE_POINT_PASSES
+    searches = passes * rate * _memory_duration(tare_duration, touch_lag) / _READINGS_PER_SECOND
     fit = _FIT_PASSES * rate * filter.window / _READINGS_PER_SECOND if _has_fit(filter) else 0.0
     # A fit that takes longer than its window grows delays all later ones.
     delays = []

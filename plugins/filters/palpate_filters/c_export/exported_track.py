@@ -94,10 +94,10 @@ class ExportedTrack:
 def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedTrack:
     """Return the parts for C; raises ConfigurationError with the reason where an estimator has none."""
     if not isinstance(estimator, InertialFilter | KinematicFilter):
-        kind = type(estimator).__name__
+        part = type(estimator).__name__
         reason = "it needs the whole record" if not estimator.online else "it has no compiled step"
         raise ConfigurationError(
-            f"track {name}: {kind} cannot be exported: {reason}; ekf, afekf, ukf, afukf and kinematic-ekf can"
+            f"track {name}: {part} cannot be exported: {reason}; ekf, afekf, ukf, afukf and kinematic-ekf can"
         )
     tracker = estimator.start(problem)
     assert isinstance(tracker, RecursiveTracker)
@@ -116,7 +116,7 @@ def _kinematic(
     k = len(problem.model.parameters)
     rows = Layout(noises=len(_NOISES), depth=1, chart=k, depth_std=1, chart_std=k)
     step = (
-        *(SettingGroup(each, about, (number,)) for (each, about), number in zip(_NOISES, numbers, strict=False)),
+        *(SettingGroup(name, meaning, (number,)) for (name, meaning), number in zip(_NOISES, numbers, strict=False)),
         _setting("depth", "[m] of a restart", numbers, rows),
         _setting("chart", "logarithms of the parameters of a restart", numbers, rows),
         _setting("depth_std", "[m] its standard deviation", numbers, rows),
@@ -167,7 +167,7 @@ def _inertial(
     numbers = tracker.recursion.settings(None, None)
     n = process.states
     rows = Layout(force_std=1, velocity_std=1, fading=4, cap=n, start=n, start_std=n)
-    about = {
+    meanings = {
         "force_std": "[N] standard deviation of the force",
         "velocity_std": "[m/s] of the velocity",
         "fading": "theta [m/s], largest factor, step up, step down",
@@ -188,18 +188,19 @@ def _inertial(
         tracker.opening.standstill,
         tracker.opening.measure_noise,
         fitted,
-        tuple(_setting(each, text, numbers, rows) for each, text in about.items()),
+        tuple(_setting(name, meaning, numbers, rows) for name, meaning in meanings.items()),
         (SettingGroup("guess", "parameters that the starting fit does not find keep these", guess, True),),
         FIT_SPREAD,
         0.0,
     )
 
 
-def _setting(name: str, about: str, numbers: Floats, rows: Layout) -> SettingGroup:
+def _setting(name: str, meaning: str, numbers: Floats, rows: Layout) -> SettingGroup:
     """Return the numbers of a step's settings that have a name."""
     values = np.asarray(numbers)[rows[name]].tolist()
-    return SettingGroup(name, about, tuple(values), name not in ("force_std", "velocity_std", "depth", "depth_std"))
+    return SettingGroup(name, meaning, tuple(values), name not in ("force_std", "velocity_std", "depth", "depth_std"))
 
 
-def _single(name: str, about: str, value: float) -> SettingGroup:
-    return SettingGroup(name, about, (value,))
+def _single(name: str, meaning: str, value: float) -> SettingGroup:
+    """Return a setting of one number."""
+    return SettingGroup(name, meaning, (value,))
