@@ -18,36 +18,53 @@ if TYPE_CHECKING:
 def values_on_trust(pipeline: Pipeline) -> dict[str, str]:
     """Return the values taken as known, by key, in display units: the tips, numbers of the models, delays, mass and
     tare."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
+    # Tips: their type as well as their numbers, for the type is a law of contact.
     for name, tip in pipeline.indenters.items():
-        found[f"indenter.{name}.type"] = pipeline.registry.name_of(type(tip))
-        found |= _numbers(tip, f"indenter.{name}")
+        values[f"indenter.{name}.type"] = pipeline.registry.name_of(type(tip))
+        values |= _numbers(tip, f"indenter.{name}")
     for name, model in pipeline.models.items():
-        found |= _numbers(model, f"model.{name}", inner=False)
-    kept = ("delay", "uncertainty", "tip_mass", "tare", "series_stiffness")
-    listed = _numbers(pipeline.alignment, "alignment")
-    found |= {key: text for key, text in listed.items() if key.rpartition(".")[2].startswith(kept)}
+        values |= _numbers(model, f"model.{name}", inner=False)
+    # Of the alignment only what no record shows.
+    prefixes = ("delay", "uncertainty", "tip_mass", "tare", "series_stiffness")
+    alignment_values = _numbers(pipeline.alignment, "alignment")
+    values |= {key: text for key, text in alignment_values.items() if key.rpartition(".")[2].startswith(prefixes)}
     if isinstance(pipeline.alignment.tare, str):
-        found["alignment.tare"] = pipeline.alignment.tare
-    return found
+        values["alignment.tare"] = pipeline.alignment.tare
+    return values
 
 
 def _numbers(settings: Settings, head: str, inner: bool = True) -> dict[str, str]:
-    units = {path: (value, unit) for path, value, unit in numbers_of(settings) if inner or len(path) == 1}
-    return {".".join((head, *path)): _shown(value, unit) for path, (value, unit) in units.items()}
+    """Return the numbers of settings in display units, by key below `head`; without `inner` those of parts in them are
+    left out."""
+    texts: dict[str, str] = {}
+    for path, value, unit in numbers_of(settings):
+        if inner or len(path) == 1:
+            texts[".".join((head, *path))] = _quantity_text(value, unit)
+    return texts
 
 
-def _shown(value: float, unit: str) -> str:
-    word, factor = display_unit(unit)
-    return f"{value * factor:.6g}" + ("" if unit == "1" else f" {word}")
+def _quantity_text(value: float, unit: str) -> str:
+    """Return a value [unit] in its display unit, to six digits."""
+    symbol, factor = display_unit(unit)
+    return f"{value * factor:.6g}" + ("" if unit == "1" else f" {symbol}")
 
 
 def assumed_keys(patterns: Iterable[str], pipeline: Pipeline, stated: Iterable[str]) -> tuple[str, ...]:
     """Return the keys that patterns name, less those that the command line has stated; what names nothing stays as
     it is."""
-    known, said = values_on_trust(pipeline), set(stated)
+    values = values_on_trust(pipeline)
+    # A dictionary keeps the order of the patterns, and each key once.
     keys: dict[str, None] = {}
     for pattern in patterns:
-        matching = [key for key in known if fnmatchcase(key, pattern)]
-        keys |= dict.fromkeys(matching or ([] if "*" in pattern else [pattern]))
-    return tuple(key for key in keys if not any(key == one or key.startswith(f"{one}.") for one in said))
+        matching = [key for key in values if fnmatchcase(key, pattern)]
+        if not matching and "*" not in pattern:
+            matching = [pattern]
+        keys |= dict.fromkeys(matching)
+    stated_keys = set(stated)
+    return tuple(key for key in keys if not _is_at_or_below(key, stated_keys))
+
+
+def _is_at_or_below(key: str, heads: Iterable[str]) -> bool:
+    """Return True if a key is one of some others, or stands in a table that they name."""
+    return any(key == head or key.startswith(f"{head}.") for head in heads)

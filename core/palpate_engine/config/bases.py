@@ -52,23 +52,33 @@ def _tables_of_bases(source: Source, chain: tuple[Path, ...]) -> tuple[dict[str,
     for name in names:
         path = source.path.parent / os.path.expanduser(name)
         if path.resolve() in chain:
-            way = " -> ".join(file.name for file in (*chain, path))
-            raise ConfigurationError(f"{where}: [run] base: a file is its own base: {way}")
+            chain_text = " -> ".join(file.name for file in (*chain, path))
+            raise ConfigurationError(f"{where}: [run] base: a file is its own base: {chain_text}")
         try:
             check_input(path, source.enclosure)
             base = Source.read(path, named=False)
         except (ConfigurationError, ValueError) as error:
             raise ConfigurationError(f"{where}: [run] base: {error}") from error
-        _demand_rig(base)
-        demand_version(base)
-        below, places_below = _tables_of_bases(base, (*chain, path.resolve()))
-        rest = {key: table for key, table in base.tables.items() if key != KEY}
-        if "run" in rest:
-            rest["run"] = {key: value for key, value in rest["run"].items() if key != "base"}
-        _merge(below, _marked(rest, path.parent), (), places_below)
-        _note_places(rest, base, (), places_below)
-        _merge(tables, below, (), places)
-        places |= places_below
+        # A base may have bases of its own, below it; a later base stands above an earlier one.
+        base_tables, base_places = _tables_above_bases(base, (*chain, path.resolve()))
+        _merge(tables, base_tables, (), places)
+        places |= base_places
+    return tables, places
+
+
+def _tables_above_bases(base: Source, chain: tuple[Path, ...]) -> tuple[dict[str, Any], dict[Location, str]]:
+    """Return the tables of a base over those of its own bases, and ``file:line`` of each key.
+
+    Raises ConfigurationError where it holds more than a rig, or is of a newer palpate.
+    """
+    _demand_rig(base)
+    demand_version(base)
+    tables, places = _tables_of_bases(base, chain)
+    own_tables = {key: table for key, table in base.tables.items() if key != KEY}
+    if "run" in own_tables:
+        own_tables["run"] = {key: value for key, value in own_tables["run"].items() if key != "base"}
+    _merge(tables, _with_folder(own_tables, base.path.parent), (), places)
+    _note_places(own_tables, base, (), places)
     return tables, places
 
 
@@ -76,29 +86,29 @@ def _demand_rig(base: Source) -> None:
     """Raise ConfigurationError where a base holds anything but the tables of a rig."""
     for key, table in base.tables.items():
         if key == "run" and isinstance(table, dict):
-            others = [(key, name) for name in table if name not in BASE_RUN_KEYS]
+            foreign_keys = [(key, name) for name in table if name not in BASE_RUN_KEYS]
         else:
             first = next(iter(table), "") if isinstance(table, dict) else ""
-            others = [] if key in (*BASE_TABLES, KEY) else [(key, first)]
-        if others:
-            what = f"[{key}] {others[0][1]}" if key == "run" else ".".join(filter(None, others[0]))
+            foreign_keys = [] if key in (*BASE_TABLES, KEY) else [(key, first)]
+        if foreign_keys:
+            key_text = f"[{key}] {foreign_keys[0][1]}" if key == "run" else ".".join(filter(None, foreign_keys[0]))
             allowed = "[device.*], [alignment], [safety], [indenter.*], [rig] and [run] rig"
-            raise ConfigurationError(f"{base.where(others[0])}: {what}: a base holds only {allowed}")
+            raise ConfigurationError(f"{base.where(foreign_keys[0])}: {key_text}: a base holds only {allowed}")
 
 
-def _marked(value: Any, folder: Path) -> Any:
-    """Return the same with every text marked by the folder of its file, to which a path in it is relative."""
+def _with_folder(value: Any, folder: Path) -> Any:
+    """Return a value in which every text knows the folder of its file, to which a path in it is relative."""
     if isinstance(value, dict):
-        return {key: _marked(item, folder) for key, item in value.items()}
+        return {key: _with_folder(item, folder) for key, item in value.items()}
     if isinstance(value, list):
-        return [_marked(item, folder) for item in value]
+        return [_with_folder(item, folder) for item in value]
     return TextOfFile(value, folder) if isinstance(value, str) else value
 
 
-def _merge(tables: dict[str, Any], over: Mapping[str, Any], at: Location, inherited: dict[Location, str]) -> None:
+def _merge(tables: dict[str, Any], over: Mapping[str, Any], head: Location, inherited: dict[Location, str]) -> None:
     """Put tables over others, key by key; the places of what they replace are taken out of `inherited`."""
     for key, value in over.items():
-        below, location = tables.get(key), (*at, key)
+        below, location = tables.get(key), (*head, key)
         if location[0] == "alignment" and isinstance(value, dict) and isinstance(below, str):
             below = tables[key] = {"channel": below}  # a signal in its short form
             if location in inherited:
@@ -113,16 +123,17 @@ def _merge(tables: dict[str, Any], over: Mapping[str, Any], at: Location, inheri
 
 
 def _types_differ(below: Mapping[str, Any], over: Mapping[str, Any]) -> bool:
+    """Return True if two tables are of parts of different types, whose keys do not mix."""
     return "type" in below and "type" in over and below["type"] != over["type"]
 
 
-def _note_places(table: Mapping[str, Any], base: Source, at: Location, inherited: dict[Location, str]) -> None:
+def _note_places(table: Mapping[str, Any], base: Source, head: Location, inherited: dict[Location, str]) -> None:
     """Note ``file:line`` of every key in the tables of a base."""
     for key, value in table.items():
         if isinstance(value, dict):
-            _note_places(value, base, (*at, key), inherited)
+            _note_places(value, base, (*head, key), inherited)
         else:
-            inherited[*at, key] = base.where((*at, key))
+            inherited[*head, key] = base.where((*head, key))
 
 
 def looser_limits(source: Source, safety: SafetySettings | None) -> tuple[str, ...]:
@@ -149,5 +160,6 @@ def _is_looser(key: str, value: Any, base: Any) -> bool:
     values, bases = (item if isinstance(item, tuple) else (item,) for item in (value, base))
     if not all(isinstance(item, int | float) for item in (*values, *bases)):
         return bool(value != base)
+    # Three coordinates of a corner are limits by themselves: the loosest decides.
     pairs = list(zip(values, bases, strict=True))
     return any(a < b for a, b in pairs) if key in LOOSER_BELOW else any(a > b for a, b in pairs)

@@ -15,10 +15,10 @@ def calibration_of(
     run: RunSettings | None, alignment: AlignmentSettings | None, registry: Registry
 ) -> tuple[CalibrationUse | None, list[Mistake]]:
     """Return the calibration that ``[run]`` names, if any, and what is wrong with it."""
-    wanted = alignment is not None and alignment.tare == "calibrated"
+    needs_offset = alignment is not None and alignment.tare == "calibrated"
     if run is None or run.calibration is None:
         problem = Mistake(("alignment", "tare"), 'is "calibrated", but [run] names no calibration')
-        return None, [problem] if wanted else []
+        return None, [problem] if needs_offset else []
     if not registry.calibrations:
         return None, [Mistake(("run", "calibration"), "is given, but no plugin here reads calibration files")]
     try:
@@ -26,6 +26,7 @@ def calibration_of(
         use: CalibrationUse = function_of(reader)(run.calibration, run.calibration_valid)
     except PalpateError as error:
         return None, [Mistake(("run", "calibration"), f"{error}; `palpate calibrate` makes one")]
-    if alignment is not None and wanted and use.alignment(alignment).tare == "calibrated":
+    # The calibration has to hold the offset that the alignment takes from it.
+    if alignment is not None and needs_offset and use.alignment(alignment).tare == "calibrated":
         return None, [Mistake(("alignment", "tare"), 'is "calibrated", but the calibration holds no offset')]
     return use, []

@@ -10,21 +10,22 @@ from palpate.contact import ContactModel
 from palpate.parts import numbers_of
 from palpate.units import to_si
 
-POISSON_RANGE = 0.02  # below a Poisson's ratio whose uncertainty nobody declares: a choice
+POISSON_RANGE = 0.02  # of a Poisson's ratio, below a value whose uncertainty nobody declares: a choice
 POISSON_STD = POISSON_RANGE / math.sqrt(3)  # a rectangular distribution that ends at the value
-READINGS = {"force_scale": "1", "position_scale": "1"}
+READINGS = {"force_scale": "1", "position_scale": "1"}  # units of the factors of force and position, which any rig has
 
 
 def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, Any]) -> dict[str, str]:
-    """What is wrong with declared uncertainties, by name: a key that no model has, or an invalid value."""
+    """Return the problem of each wrong declared uncertainty, by name: a key that no model has, or an invalid value."""
+    # A number is named by its last key, or by its path where several tips have that key.
     numbers = [number for model in models.values() for number in numbers_of(model)]
     keys = {key: unit for path, _, unit in numbers for key in (path[-1], ".".join(path))}
     problems = {}
     for name, value in declared.items():
         unit = READINGS.get(name, keys.get(name))
         if unit is None:
-            known = ", ".join(sorted({*READINGS, *(key for key in keys if "." not in key)}))
-            problems[name] = f"is not a number of a model or its tip; there are: {known}"
+            short_keys = sorted({*READINGS, *(key for key in keys if "." not in key)})
+            problems[name] = f"is not a number of a model or its tip; there are: {', '.join(short_keys)}"
             continue
         try:
             declared_std(value, unit)

@@ -17,19 +17,19 @@ def dialect_tables(tables: Mapping[str, Any], name: str) -> dict[str, Any]:
 
     Raises ConfigurationError for an unknown dialect.
     """
-    rest = {key: table for key, table in tables.items() if key != DIALECT}
+    own_tables = {key: table for key, table in tables.items() if key != DIALECT}
     if not name:
-        return rest
+        return own_tables
     dialects = tables.get(DIALECT, {})
     if not isinstance(dialects, dict) or not isinstance(dialects.get(name), dict):
         raise ConfigurationError(f"no [{DIALECT}.{name}]{suggest(name, dialects)}")
-    return {**rest, **dialects[name]}
+    return {**own_tables, **dialects[name]}
 
 
 def with_dialect(tables: Mapping[str, Any], name: str, others: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables with a dialect of what other tables of a pipeline have otherwise."""
-    own = {key: table for key, table in others.items() if tables.get(key) != table}
-    return {**tables, DIALECT: {**tables.get(DIALECT, {}), name: own}}
+    differing = {key: table for key, table in others.items() if tables.get(key) != table}
+    return {**tables, DIALECT: {**tables.get(DIALECT, {}), name: differing}}
 
 
 def choose_dialect(source: Source) -> None:

@@ -17,18 +17,19 @@ def demand_version(source: Source) -> str:
 
     Raises ConfigurationError for one of a newer palpate, or with an invalid version.
     """
-    given = source.tables.get(KEY)
-    if given is None:
+    version = source.tables.get(KEY)
+    if version is None:
         return FORMAT
     where = source.where((KEY,))
-    if not isinstance(given, str) or not re.fullmatch(r"\d+\.\d+(\.\d+)?", given):
-        raise ConfigurationError(f'{where}: {KEY} is {given!r}; write a version, such as {KEY} = "{FORMAT}"')
-    if _version(given) > _version(FORMAT):
-        problem = f'written for palpate {given}, but this palpate reads up to "{FORMAT}": update it'
+    if not isinstance(version, str) or not re.fullmatch(r"\d+\.\d+(\.\d+)?", version):
+        raise ConfigurationError(f'{where}: {KEY} is {version!r}; write a version, such as {KEY} = "{FORMAT}"')
+    if _version(version) > _version(FORMAT):
+        problem = f'written for palpate {version}, but this palpate reads up to "{FORMAT}": update it'
         raise ConfigurationError(f"{where}: {problem}")
-    return given
+    return version
 
 
 def _version(text: str) -> tuple[int, int]:
+    """Return major and minor number of a version; a third one is not part of the format."""
     major, minor, *_ = text.split(".")
     return int(major), int(minor)

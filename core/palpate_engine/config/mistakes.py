@@ -25,7 +25,7 @@ def raise_mistakes(mistakes: Iterable[Mistake], source: Source) -> None:
 
 
 def _named(location: Location) -> str:
-    """``[model.dr] poisson: ``, or nothing for the file as a whole."""
+    """Return ``[model.dr] poisson: ``, or nothing for the file as a whole."""
     if not location:
         return ""
     depth = 2 if location[0] in KINDS else 1  # all others hold settings

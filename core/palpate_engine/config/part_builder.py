@@ -47,12 +47,12 @@ class Builder:
         if isinstance(tables.get("type"), str):
             self._note((kind,), f"has no name: write [{kind}.NAME], such as [{kind}.{_short(tables['type'])}]")
             return {}
-        found = {}
+        parts = {}
         for name in tables:
             part = self._named(kind, name)
             if part is not None:
-                found[name] = part
-        return found
+                parts[name] = part
+        return parts
 
     def settings(self, settings: type[Settings], location: Location) -> Any:
         """Return the settings of one plain table, or None where they are not in order."""
@@ -66,6 +66,7 @@ class Builder:
         self.mistakes.append(Mistake(location, problem))
 
     def _named(self, kind: str, name: str) -> Part | None:
+        """Return the part of a table with a name, built once; None where it is not in order, which has been noted."""
         location = (kind, name)
         if location not in self._built:
             self._built[location] = None
@@ -76,40 +77,43 @@ class Builder:
         return self._built[location]
 
     def _part(self, kind: str, table: Any, location: Location) -> Part:
+        """Return the part of a table by its `type`.
+
+        Raises _PartError where it is not in order, which has been noted.
+        """
         if not isinstance(table, dict) or not isinstance(table.get("type"), str):
-            known = ", ".join(sorted(self._registry.parts[kind]))
-            self._note(location, f'needs type = "..." (there are: {known})')
+            types = ", ".join(sorted(self._registry.parts[kind]))
+            self._note(location, f'needs type = "..." (there are: {types})')
             raise _PartError
         try:
             part = self._registry.find(kind, table["type"])
         except PluginError as error:
             self._note((*location, "type"), str(error))
             raise _PartError from error
-        rest = {key: value for key, value in table.items() if key != "type"}
-        built = self._validated(part, rest, location)
+        settings = {key: value for key, value in table.items() if key != "type"}
+        built = self._validated(part, settings, location)
         assert isinstance(built, Part)
         return built
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
-        broken = set()
+        """Return the settings of a table, with the parts that its keys name or hold.
+
+        Raises _PartError where they are not in order; what is wrong has been noted.
+        """
+        broken: set[Location] = set()
         doubted: list[Mistake] = []
         if isinstance(table, dict):
             table = dict(table)
             doubted = self._doubted(settings, table, location)
-            for name in settings.model_fields.keys() & table.keys():
-                try:
-                    table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
-                except _PartError:
-                    broken.add((*location, name))
-                    del table[name]
+            broken = self._build_inner(settings, table, location)
         try:
-            found = settings.model_validate(table, context=self._context)
+            part = settings.model_validate(table, context=self._context)
         except ValidationError as error:
             # That a broken inner table is missing now is not a mistake of its own.
             wrong = mistakes_of(error, settings, location)
             self.mistakes += [mistake for mistake in wrong if mistake.location not in broken]
-            told = {mistake.location for mistake in wrong}
-            self.mistakes += [mistake for mistake in doubted if mistake.location not in told]
+            wrong_places = {mistake.location for mistake in wrong}
+            self.mistakes += [mistake for mistake in doubted if mistake.location not in wrong_places]
             raise _PartError from error
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
@@ -117,26 +121,40 @@ class Builder:
         except RAISED_BY_PARTS as error:  # whatever a third party's validator raises
             self._note(location, f"{settings.__name__} failed: {error_in(error)}")
             raise _PartError from error
-        if not isinstance(found, settings):
-            self._note(location, f"a validator of {settings.__name__} returns {found!r}, not the part itself")
+        if not isinstance(part, settings):
+            self._note(location, f"a validator of {settings.__name__} returns {part!r}, not the part itself")
             raise _PartError
         self.mistakes += doubted
         if doubted or broken:  # what is in order without its broken inner table is another part than was meant
             raise _PartError
-        return found
+        return part
+
+    def _build_inner(self, settings: type[Settings], table: dict[str, Any], location: Location) -> set[Location]:
+        """Put parts in place of what a table says of them; take out the broken ones and return their places."""
+        broken = set()
+        for name in settings.model_fields.keys() & table.keys():
+            try:
+                table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
+            except _PartError:
+                broken.add((*location, name))
+                del table[name]
+        return broken
 
     def _doubted(self, settings: type[Settings], table: dict[str, Any], location: Location) -> list[Mistake]:
-        """Numbers without a unit that were hardly meant; takes the key `unchecked` out of the table."""
+        """Return a mistake for each number without a unit that was hardly meant; take the key `unchecked` out of the
+        table."""
         if UNCHECKED in settings.model_fields:
             return []
-        meant = table.pop(UNCHECKED, [])
-        if not isinstance(meant, list) or not all(isinstance(name, str) for name in meant):
+        unchecked = table.pop(UNCHECKED, [])
+        if not isinstance(unchecked, list) or not all(isinstance(name, str) for name in unchecked):
             return [Mistake((*location, UNCHECKED), 'must be a list of keys, such as ["bias"]')]
-        unknown = [name for name in meant if name not in settings.model_fields]
+        unknown = [name for name in unchecked if name not in settings.model_fields]
         wrong = [f"unknown key {name!r}{suggest(name, settings.model_fields)}" for name in unknown]
         mistakes = [Mistake((*location, UNCHECKED), problem) for problem in wrong]
-        found = implausible_units(settings, table)
-        return mistakes + [Mistake((*location, name), doubt) for name, doubt in found.items() if name not in meant]
+        for name, doubt in implausible_units(settings, table).items():
+            if name not in unchecked:
+                mistakes.append(Mistake((*location, name), doubt))
+        return mistakes
 
     def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
         """Return a field's value: what asks for a part gets one, by its name or from a table in place."""
@@ -150,19 +168,26 @@ class Builder:
         if isinstance(value, dict):
             return self._part(kind, value, location)
         if isinstance(value, str):
-            names = self._tables.get(kind, {})
-            if not isinstance(names, dict) or value not in names:
-                self._note(location, f"no [{kind}.{value}]{suggest(value, names)}")
-                raise _PartError
-            if (kind, value) in self._begun:
-                self._note(location, f"[{kind}.{value}] needs itself")
-                raise _PartError
-            part = self._named(kind, value)
-            if part is None:
-                raise _PartError
-            return part
+            return self._part_of_name(kind, value, location)
         self._note(location, f"must name a [{kind}.*] table or be one")
         raise _PartError
+
+    def _part_of_name(self, kind: str, name: str, location: Location) -> Part:
+        """Return the part of the table [kind.name], which the key at a location names.
+
+        Raises _PartError where it is missing, broken or needs itself, which has been noted.
+        """
+        names = self._tables.get(kind, {})
+        if not isinstance(names, dict) or name not in names:
+            self._note(location, f"no [{kind}.{name}]{suggest(name, names)}")
+            raise _PartError
+        if (kind, name) in self._begun:
+            self._note(location, f"[{kind}.{name}] needs itself")
+            raise _PartError
+        part = self._named(kind, name)
+        if part is None:
+            raise _PartError
+        return part
 
 
 def unknown_tables(tables: dict[str, Any], registry: Registry) -> list[Mistake]:

@@ -1,4 +1,4 @@
-"""What one TOML file wires together, as an object."""
+"""Pipelines: all that one TOML file wires together, as an object."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ from palpate_engine.config.stated_truth import stated_truth
 from palpate_engine.safety import SafetySettings
 from palpate_engine.track_name import TrackName
 
-_SMALL = 5e-4  # [m] of a tip's radius, below which nothing of weight hangs behind the sensor
-_MOST_MASS = 1.0  # [kg] behind another one
+MICRO_TIP_RADIUS = 5e-4  # [m] below which nothing of weight hangs behind the sensor: a choice (0375)
+MAX_TIP_MASS = 1.0  # [kg] that the inertia of a larger tip may have: a choice (0375)
+_MONTH = 30 * 86400.0  # [s] for which a calibration and a check hold unless a file says otherwise: a choice
 
 
 def sphere_radii(models: Mapping[str, ContactModel]) -> set[float]:
-    """Radii [m] of the tips of some models that are spheres."""
+    """Return the radii [m] of the tips of some models that are spheres."""
     tips = [getattr(model, "indenter", None) for model in models.values()]
     return {tip.sphere_radius for tip in tips if isinstance(tip, Indenter) and tip.sphere_radius is not None}
 
@@ -66,12 +67,12 @@ class RunSettings(Settings):
     calibration: InputFile | None = Field(
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )
-    calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
+    calibration_valid: Time = Field(default=_MONTH, gt=0, description="an older calibration is flagged")
     control: InputFile | None = Field(
         default=None,
         description="control chart of `palpate calibrate control`: the check of the rig that stands behind the run",
     )
-    control_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older check is called old")
+    control_valid: Time = Field(default=_MONTH, gt=0, description="an older check is called old")
     seed: int = Field(default=0, ge=0, description="seed of everything that is random")
     average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
     uncertainties: dict[str, float | str] = Field(
@@ -125,7 +126,7 @@ class CalibrationUse(Protocol):
 
     @property
     def values(self) -> Mapping[str, CalibratedNumber]:
-        """What it knows, by name: mass, delay, offset, force_std, ..."""
+        """Return its numbers by name: mass, delay, offset, force_std, ..."""
         ...
 
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
@@ -195,12 +196,12 @@ class Pipeline:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What its reader should know although nothing is wrong with it: of plugins, and of looser limits."""
+        """Return what a reader should know although nothing is wrong: of plugins, and of looser limits."""
         return (*self.registry.notices, *self.looser_limits)
 
     @property
     def ports(self) -> Ports:
-        """Where each signal is read."""
+        """Return the ports at which the signals are read."""
         return self._ports
 
     @property
@@ -208,8 +209,8 @@ class Pipeline:
         """Return the true values by name [SI]: those of the simulated device that is read, else those stated."""
         roles = self.ports.roles
         names = {roles[role].device for role in ("force", "position", "velocity") if role in roles}
-        known = truth_of({name: device for name, device in self.devices.items() if name in names})
-        return {**stated_truth(self.models, self.run.truth), **known}
+        simulated_truth = truth_of({name: device for name, device in self.devices.items() if name in names})
+        return {**stated_truth(self.models, self.run.truth), **simulated_truth}
 
     @property
     def tip_radius(self) -> float:
@@ -220,11 +221,11 @@ class Pipeline:
     def most_mass(self) -> float:
         """Mass [kg] that may hang behind the sensor at most: none behind a tip of less than half a millimetre."""
         radii = [getattr(tip, "radius", None) for tip in self.indenters.values()]
-        small = bool(radii) and all(radius is not None and radius < _SMALL for radius in radii)
-        return 0.0 if small or self.alignment.tip_mass == 0 else _MOST_MASS
+        small = bool(radii) and all(radius is not None and radius < MICRO_TIP_RADIUS for radius in radii)
+        return 0.0 if small or self.alignment.tip_mass == 0 else MAX_TIP_MASS
 
     def new_aligner(self) -> Aligner:
-        """What joins the streams of the devices, of one run."""
+        """Return the aligner of one run, which joins the streams of the devices."""
         return Aligner(self.alignment, self.ports, self.tip_radius, self.most_mass)
 
     @cached_property

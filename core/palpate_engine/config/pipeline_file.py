@@ -1,4 +1,4 @@
-"""One TOML file becomes a pipeline, checked, or all mistakes in it at once."""
+"""Pipelines from TOML files: one file becomes a checked pipeline, or all mistakes in it at once."""
 
 from __future__ import annotations
 
@@ -53,31 +53,33 @@ def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = T
 
 def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     """Return the pipeline in a source; raises like `load_pipeline`."""
+    builder, registry, run = _begin(source)
     tables = source.tables
-    builder, registry, run = _begun(source)
+    # Each table becomes settings or parts. The builder notes what is wrong with one and goes on with the next.
     stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
-    extra = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
+    analyses = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
     safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
+    # The tables have to agree with each other.
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
     builder.mistakes += _wrong_rehearsal(run, kinds)
-    use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
-    control, wrong_chart = control_of(run, registry) if estimates else (None, [])
-    builder.mistakes += [*problems, *wrong_chart, *_wrong_uncertainties(run, kinds["model"])]
-    if run and kinds["model"]:
-        wrong = wrong_truth(kinds["model"], run.truth)
-        builder.mistakes += [Mistake(("run", "truth", name), problem) for name, problem in wrong]
+    calibration, calibration_mistakes = calibration_of(run, stated, registry) if estimates else (None, [])
+    control, chart_mistakes = control_of(run, registry) if estimates else (None, [])
+    builder.mistakes += [*calibration_mistakes, *chart_mistakes]
+    builder.mistakes += [*_wrong_uncertainties(run, kinds["model"]), *_wrong_truth(run, kinds["model"])]
+    # A calibration fills in what the file leaves open, and the arm knows where gravity is.
     alignment = stated
-    if use and stated:
-        alignment = use.alignment(stated)
-        kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
+    if calibration and stated:
+        alignment = calibration.alignment(stated)
+        kinds["estimator"] = {name: calibration.estimator(part) for name, part in kinds["estimator"].items()}
     if alignment:
         alignment = with_gravity(alignment, kinds["device"])
         builder.mistakes += _wrong_orientation(alignment, kinds["model"]) if estimates else []
-    tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
+    # Patterns of tracks, and limits of the rig, are compared only with tables that are in order.
+    tracks, unknown_tracks = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
-        builder.mistakes += lost
+        builder.mistakes += unknown_tracks
     looser = looser_limits(source, safety)
     if safety and alignment and not builder.mistakes:
         builder.mistakes += contradictions(safety, alignment, kinds["device"])
@@ -102,9 +104,9 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         safety=safety,
         tracks=tracks,
         registry=registry,
-        calibration=use,
+        calibration=calibration,
         control=control,
-        tables=extra,
+        tables=analyses,
         stated=stated,
         inherited={".".join(key): place for key, place in source.inherited.items() if not source.is_stated(key)},
         looser_limits=looser,
@@ -113,21 +115,25 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
 
 
-def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
-    """Return the builder of a source, the plugins that it asks for, and its ``[run]``."""
+def _begin(source: Source) -> tuple[Builder, Registry, RunSettings | None]:
+    """Return the builder of a source, the plugins that it asks for, and its ``[run]``.
+
+    Dialect, bases and the facts of a rig change the tables first; [run] is read before the plugins, which it names, and
+    again where the facts have set a key of it.
+    """
     tables = source.tables
     choose_dialect(source)
     apply_bases(source)
     version = demand_version(source)
     _add_plugins_at_hand(source)
-    first = Builder(source, Registry({}))
-    run = first.settings(RunSettings, ("run",))
+    run_builder = Builder(source, Registry({}))
+    run = run_builder.settings(RunSettings, ("run",))
     registry = (_registry(source) if run else registries.load()).of_version(version)
     if apply_rig(source, run and run.rig, registry):
-        first = Builder(source, Registry({}))
-        run = first.settings(RunSettings, ("run",))
+        run_builder = Builder(source, Registry({}))
+        run = run_builder.settings(RunSettings, ("run",))
     builder = Builder(source, registry)
-    builder.mistakes += first.mistakes + unknown_tables(tables, registry)
+    builder.mistakes += run_builder.mistakes + unknown_tables(tables, registry)
     return builder, registry, run
 
 
@@ -136,10 +142,10 @@ def _add_plugins_at_hand(source: Source) -> None:
     run = source.tables.get("run", {})
     named = run.get("plugins", []) if isinstance(run, dict) else None
     if isinstance(named, list) and all(isinstance(text, str) for text in named):
-        known = {(source.path.parent / text).resolve() for text in named}
-        more = [str(file.path) for file in plugin_files_at_hand() if file.path.resolve() not in known]
-        if more:
-            source.tables["run"] = {**run, "plugins": [*named, *more]}
+        named_files = {(source.path.parent / text).resolve() for text in named}
+        additional = [str(file.path) for file in plugin_files_at_hand() if file.path.resolve() not in named_files]
+        if additional:
+            source.tables["run"] = {**run, "plugins": [*named, *additional]}
 
 
 def plugin_files(source: Source) -> tuple[PluginFile, ...]:
@@ -171,7 +177,8 @@ def _wrong_signals(
     devices: Mapping[str, Device],
     safety: SafetySettings | None,
 ) -> list[Mistake]:
-    """Unknown channels, and wires that cannot be; nothing where not all devices could be built."""
+    """Return a mistake for each unknown channel, else for each wire that cannot be; nothing where a device could not be
+    built."""
     if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
         return []
     return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
@@ -199,6 +206,11 @@ def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactMo
     return [Mistake(("run", "uncertainties", name), problem) for name, problem in unknown.items()]
 
 
+def _wrong_truth(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    wrong = wrong_truth(models, run.truth) if run and models else ()
+    return [Mistake(("run", "truth", name), problem) for name, problem in wrong]
+
+
 def build_parts(source: Source, kind: str, registry: Registry | None = None) -> dict[str, Any]:
     """Return the parts of one kind in a source, whatever else it lacks; raises like `load_pipeline`.
 
@@ -207,49 +219,53 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     choose_dialect(source)
     apply_bases(source)
     if registry is None:
-        first = Builder(source, Registry({}))
-        first.settings(RunSettings, ("run",))
-        raise_mistakes(first.mistakes, source)
+        run_builder = Builder(source, Registry({}))
+        run_builder.settings(RunSettings, ("run",))
+        raise_mistakes(run_builder.mistakes, source)
         registry = _registry(source)
     registry = registry.of_version(demand_version(source))
     run = Builder(source, Registry({})).settings(RunSettings, ("run",))
     apply_rig(source, run and run.rig, registry)
     builder = Builder(source, registry)
-    found = builder.parts(kind)
+    parts = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)
-    registry.demand_sound({kind: found})
-    return found
+    registry.demand_sound({kind: parts})
+    return parts
 
 
 def _wrong_rehearsal(run: RunSettings | None, kinds: Mapping[str, Mapping[str, Any]]) -> list[Mistake]:
     """Return a rehearsal without its twin; one that is read from its log needs none."""
     if run is None or run.rehearsal is None or run.rehearsal in kinds["twin"] or not is_live(kinds["device"]):
         return []
-    known = suggest(run.rehearsal, kinds["twin"])
-    return [Mistake(("run", "rehearsal"), f"no [twin.{run.rehearsal}]{known}")]
+    hint = suggest(run.rehearsal, kinds["twin"])
+    return [Mistake(("run", "rehearsal"), f"no [twin.{run.rehearsal}]{hint}")]
 
 
 def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:
-    missing = [kind for kind in needed if not tables.get(kind)]
-    alignment = Mistake((), "the table [alignment] is missing: it says which channel is the force")
-    return [alignment] * ("alignment" not in tables) + [
-        Mistake(
-            (), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})"
-        )
-        for kind in missing
-    ]
+    """Return a mistake for each table without which no pipeline runs: [alignment], and one of each needed kind."""
+    mistakes = []
+    if "alignment" not in tables:
+        mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
+    for kind in needed:
+        if not tables.get(kind):
+            types = ", ".join(sorted(registry.parts[kind]))
+            mistakes.append(Mistake((), f"a pipeline needs at least one [{kind}.*] table (there are: {types})"))
+    return mistakes
 
 
 def _tracks(
     run: RunSettings, models: Mapping[str, ContactModel], estimators: Mapping[str, Estimator]
 ) -> tuple[tuple[Track, ...], list[Mistake]]:
-    every = [
-        Track(TrackName(m, e), model, estimator) for m, model in models.items() for e, estimator in estimators.items()
-    ]
+    """Return the tracks that the patterns of [run] name, and a mistake for each pattern that names none."""
+    # Every model with every estimator.
+    tracks = []
+    for model_name, model in models.items():
+        for estimator_name, estimator in estimators.items():
+            tracks.append(Track(TrackName(model_name, estimator_name), model, estimator))
+    names = [track.name for track in tracks]
     mistakes = []
     for pattern in run.tracks:
-        if not any(fnmatchcase(track.name, pattern) for track in every):
-            names = [track.name for track in every]
+        if not any(fnmatchcase(name, pattern) for name in names):
             mistakes.append(Mistake(("run", "tracks"), f"no track is called {pattern!r}{suggest(pattern, names)}"))
-    chosen = tuple(track for track in every if any(fnmatchcase(track.name, pattern) for pattern in run.tracks))
+    chosen = tuple(track for track in tracks if any(fnmatchcase(track.name, pattern) for pattern in run.tracks))
     return chosen, mistakes

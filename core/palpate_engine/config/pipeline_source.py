@@ -20,7 +20,7 @@ _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
 _PLUGINS = ("run", "plugins")
-_DEEPEST = 32  # tables and lists in each other
+_MAX_NESTING = 32  # tables and lists in each other; a pipeline has six, the interpreter's stack hundreds: a choice
 
 
 class Source:
@@ -38,10 +38,10 @@ class Source:
         try:
             self.tables: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # of a number of 5000 digits, of 5000 brackets, too
-            raise ConfigurationError(_pointed(text, path, str(error))) from error
-        if _deeper(self.tables, _DEEPEST):
-            raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
-        self._lines = _lines(text)
+            raise ConfigurationError(_message_with_caret(text, path, str(error))) from error
+        if _is_nested_deeper(self.tables, _MAX_NESTING):
+            raise ConfigurationError(f"{path}: tables and lists are nested more than {_MAX_NESTING} deep")
+        self._lines = _key_lines(text)
         self._stated: dict[Location, str] = {}  # keys that are set, and by which facts; "": by the command line
         self._plugins_named = False  # by the person at work
         self.inherited: dict[Location, str] = {}  # ``file:line`` of the keys that its bases state
@@ -60,7 +60,7 @@ class Source:
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             if isinstance(error, FileNotFoundError):
-                reason = f"{reason}{_hint(path)}"
+                reason = f"{reason}{_hint_of_missing(path)}"
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
         except ValueError as error:
             raise ConfigurationError(str(error)) from error
@@ -80,8 +80,8 @@ class Source:
                 table[key] = {"channel": table[key]}
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
-                said = by or f"--set {'.'.join(keys)}"
-                raise ConfigurationError(f"{said}: {'.'.join(keys[: i + 1])} is not a table")
+                statement = by or f"--set {'.'.join(keys)}"
+                raise ConfigurationError(f"{statement}: {'.'.join(keys[: i + 1])} is not a table")
         table[keys[-1]] = value
         self._stated[keys] = by
 
@@ -93,12 +93,12 @@ class Source:
 
     def exchange(self, tables: dict[str, Any]) -> None:
         """Put other tables in place, with what the command line has set."""
-        kept = [(keys, _value_at(self.tables, keys), by) for keys, by in self._stated.items()]
+        statements = [(keys, _value_at(self.tables, keys), origin) for keys, origin in self._stated.items()]
         self.tables.clear()
         self.tables.update(deepcopy(tables))
-        for keys, value, by in kept:
+        for keys, value, origin in statements:
             if value is not None:
-                self.state(keys, value, by)
+                self.state(keys, value, origin)
 
     def is_stated(self, location: Location) -> bool:
         """Return True if the command line has set a key, or a table around it."""
@@ -122,7 +122,7 @@ class Source:
         return table
 
     def where(self, location: Location) -> str:
-        """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
+        """Return ``file:line`` of a location, of the nearest table around it, or the command line that set it."""
         for length in range(len(location), 0, -1):
             head = location[:length]
             if head in self._stated:
@@ -135,34 +135,37 @@ class Source:
 
     def line(self, location: Location) -> int:
         """Return the line of a location, for sorting; 0 where it has none."""
-        return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
+        return next(
+            (self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0
+        )
 
 
 def _value_at(tables: Any, keys: Location) -> Any:
+    """Return the value at a place in nested tables; None where a table or the key is missing."""
     for key in keys:
         tables = tables.get(key) if isinstance(tables, dict) else None
     return tables
 
 
 def parsed_assignment(text: str) -> tuple[Location, Any]:
-    """Keys and value of ``table.key=value``, which is TOML, or else a text; raises ConfigurationError."""
+    """Return keys and value of ``table.key=value``, which is TOML, or else a text; raises ConfigurationError."""
     name, equals, written = text.partition("=")
-    keys = _split(name)
+    keys = _keys_of(name)
     if not equals or len(keys) < 2 or not all(keys):
         raise ConfigurationError(f"--set {text}: write table.key=value, such as estimator.ekf.force_std=0.1")
     return keys, _toml_value(written.strip())
 
 
-def _pointed(text: str, path: Path, problem: str) -> str:
+def _message_with_caret(text: str, path: Path, problem: str) -> str:
     """Return a message about text that is not TOML, with the line and a caret below the place."""
-    found = re.search(r"\s*\(at line (\d+), column (\d+)\)$", problem)
-    if found is None:
+    place = re.search(r"\s*\(at line (\d+), column (\d+)\)$", problem)
+    if place is None:
         return f"{path}: not TOML: {problem}"
-    line, column = int(found[1]), int(found[2])
-    shown = text.splitlines()[line - 1].replace("\t", " ")
-    hint = "; a quantity with a unit is a text" if _BARE_QUANTITY.search(shown) else ""
-    head = f"{path}:{line}: not TOML: {problem[: found.start()]} at line {line}, column {column}{hint}"
-    return f"{head}\n  {shown}\n  {' ' * (column - 1)}^"
+    line, column = int(place[1]), int(place[2])
+    line_text = text.splitlines()[line - 1].replace("\t", " ")
+    hint = "; a quantity with a unit is a text" if _BARE_QUANTITY.search(line_text) else ""
+    head = f"{path}:{line}: not TOML: {problem[: place.start()]} at line {line}, column {column}{hint}"
+    return f"{head}\n  {line_text}\n  {' ' * (column - 1)}^"
 
 
 def _toml_value(text: str) -> Any:
@@ -172,35 +175,35 @@ def _toml_value(text: str) -> Any:
         return text
 
 
-def _deeper(value: Any, most: int) -> bool:
-    """Return True if tables and lists are nested more than so deep."""
+def _is_nested_deeper(value: Any, depth: int) -> bool:
+    """Return True if tables and lists are nested more than `depth` deep."""
     if not isinstance(value, dict | list):
         return False
     inner = value.values() if isinstance(value, dict) else value
-    return most == 0 or any(_deeper(item, most - 1) for item in inner)
+    return depth == 0 or any(_is_nested_deeper(item, depth - 1) for item in inner)
 
 
-def _lines(text: str) -> dict[Location, int]:
-    """Line of every table header and every key that begins a line; keys of inline tables share their line."""
+def _key_lines(text: str) -> dict[Location, int]:
+    """Return the line of every table header and of every key that begins a line; keys of inline tables share a line."""
     lines: dict[Location, int] = {}
     table: Location = ()
     for number, line in enumerate(text.splitlines(), start=1):
         if header := _TABLE.match(line):
-            table = _split(header[1])
+            table = _keys_of(header[1])
             lines.setdefault(table, number)
         elif key := _KEY.match(line):
-            lines.setdefault(table + _split(key[1]), number)
+            lines.setdefault(table + _keys_of(key[1]), number)
     return lines
 
 
-def _split(dotted: str) -> Location:
+def _keys_of(dotted: str) -> Location:
     return tuple(part.strip().strip("\"'") for part in dotted.split("."))
 
 
-def _hint(path: Path) -> str:
-    """What to type if a pipeline file is missing: the command that writes it, or the name of one in the same folder."""
+def _hint_of_missing(path: Path) -> str:
+    """Return a hint where a pipeline file is missing: the command that writes it, or a name in the same folder."""
     if path.name.removesuffix(".toml") in offers("palpate_templates", Template):
         name = path.name.removesuffix(".toml")
         return f"; type palpate init {name}, which writes {name}.toml, and name that file"
-    beside = [file.name for file in path.parent.glob("*.toml")]
-    return suggest(path.name, beside) if beside else ""
+    neighbours = [file.name for file in path.parent.glob("*.toml")]
+    return suggest(path.name, neighbours) if neighbours else ""

@@ -29,21 +29,37 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
     it, so that the text and its files can be moved together.
     """
     if beside is not None:
-        return _origins(pipeline) + tomli_w.dumps(
-            _as_seen_from(beside.resolve(), tomllib.loads(resolved_text(pipeline)))
-        )
-    tables: dict[str, Any] = {
-        KEY: FORMAT,
-        "run": plain_settings(pipeline.run, pipeline.registry),
-        "alignment": plain_settings(pipeline.alignment, pipeline.registry),
-    }
-    if truth := pipeline.truth:  # which a replay of the log has no rig to ask for
-        tables["run"]["truth"] = truth
-    if versions := third_party_versions(pipeline):
-        tables["run"]["distributions"] = [f"{name} {version}" for name, version in versions.items()]
+        tables = _as_seen_from(beside.resolve(), tomllib.loads(resolved_text(pipeline)))
+        return _origins(pipeline) + tomli_w.dumps(tables)
+    registry = pipeline.registry
+    tables = {KEY: FORMAT, "run": _run_table(pipeline), "alignment": plain_settings(pipeline.alignment, registry)}
     if pipeline.safety is not None:
-        tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
-    kinds = {
+        tables["safety"] = plain_settings(pipeline.safety, registry)
+    tables |= _tables_of_parts(pipeline)
+    # A part that has a table of its own is named wherever another one uses it.
+    named = {kind: dict(tables[kind]) for kind in ("indenter", "model", "surface")}
+    for kind in ("model", "device", "trajectory", "twin"):
+        for name, part in tables[kind].items():
+            tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
+    tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
+    # Settings of analyses come last, and empty tables are left out.
+    tables |= {name: plain_settings(table, registry) for name, table in pipeline.tables.items()}
+    return _origins(pipeline) + tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _run_table(pipeline: Pipeline) -> dict[str, Any]:
+    """Return the table [run], with what only the rig and the installation know: true values, distributions."""
+    table: dict[str, Any] = plain_settings(pipeline.run, pipeline.registry)
+    if truth := pipeline.truth:  # which a replay of the log has no rig to ask for
+        table["truth"] = truth
+    if versions := third_party_versions(pipeline):
+        table["distributions"] = [f"{name} {version}" for name, version in versions.items()]
+    return table
+
+
+def _tables_of_parts(pipeline: Pipeline) -> dict[str, dict[str, Any]]:
+    """Return the table of every part, by kind and name."""
+    kinds: dict[str, Mapping[str, Any]] = {
         "device": pipeline.devices,
         "surface": pipeline.surfaces,
         "trajectory": pipeline.trajectories,
@@ -53,19 +69,14 @@ def resolved_text(pipeline: Pipeline, beside: Path | None = None) -> str:
         "sink": pipeline.sinks,
         "twin": pipeline.twins,
     }
-    for kind, parts in kinds.items():
-        tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
-    named = {kind: dict(tables[kind]) for kind in ("indenter", "model", "surface")}
-    for kind in ("model", "device", "trajectory", "twin"):
-        for name, part in tables[kind].items():
-            tables[kind][name] = {key: _by_name(item, named) for key, item in part.items()}
-    tables["alignment"] = {key: _by_name(item, named) for key, item in tables["alignment"].items()}
-    tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
-    return _origins(pipeline) + tomli_w.dumps({name: table for name, table in tables.items() if table})
+    registry = pipeline.registry
+    return {
+        kind: {name: plain_settings(part, registry) for name, part in parts.items()} for kind, parts in kinds.items()
+    }
 
 
 def _origins(pipeline: Pipeline) -> str:
-    """Comments with the place of each key that a base of the pipeline states."""
+    """Return comments with the place of each key that a base of the pipeline states."""
     return "".join(f"# {key}: {Path(place).absolute()}\n" for key, place in sorted(pipeline.inherited.items()))
 
 
@@ -90,21 +101,26 @@ def _by_name(value: Any, named: Mapping[str, Mapping[str, Any]]) -> Any:
 
 
 def plain_settings(value: Any, registry: Registry) -> Any:
-    """Settings and parts as TOML can hold them, each part with its type."""
+    """Return settings and parts as TOML can hold them, each part with its type."""
     if isinstance(value, Settings):
-        head: dict[str, Any] = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
-        fields = {name: getattr(value, name) for name in type(value).model_fields}
-        # What is unlikely without a unit was checked when it was read.
-        meant = sorted(implausible_units(type(value), fields))
-        head |= {UNCHECKED: meant} if meant else {}
-        if isinstance(value, ContactModel):  # written out, what nobody stated would be stated
-            fields = {
-                name: field for name, field in fields.items() if name != POISSON or name in value.model_fields_set
-            }
-        fields |= value.model_extra or {}
-        return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
+        return _plain_table(value, registry)
     if isinstance(value, dict):
         return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}
     if isinstance(value, tuple | list):
         return [plain_settings(item, registry) for item in value]
     return str(value.absolute()) if isinstance(value, Path) else value
+
+
+def _plain_table(settings: Settings, registry: Registry) -> dict[str, Any]:
+    """Return the table of settings: type of a part, keys that are meant without a unit, fields that are not None."""
+    table: dict[str, Any] = {"type": registry.name_of(type(settings))} if isinstance(settings, Part) else {}
+    fields = {name: getattr(settings, name) for name in type(settings).model_fields}
+    # What is unlikely without a unit was checked when it was read.
+    unchecked = sorted(implausible_units(type(settings), fields))
+    if unchecked:
+        table[UNCHECKED] = unchecked
+    # Written out, a Poisson's ratio that nobody stated would be stated.
+    if isinstance(settings, ContactModel) and POISSON not in settings.model_fields_set:
+        fields.pop(POISSON, None)
+    fields |= settings.model_extra or {}
+    return table | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}

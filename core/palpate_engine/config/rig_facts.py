@@ -29,7 +29,7 @@ ROLES = ("force", "position", "velocity", "time")
 
 
 def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
-    """A quantity and its standard uncertainty, None where none is stated, as they are written; a share in the unit.
+    """Return a quantity and its standard uncertainty as they are written, None without one; a share becomes one [unit].
 
     Raises ValueError for an unknown fact.
 
@@ -39,39 +39,40 @@ def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
     ('400 N/m', '20 N/m')
     """
     value: object = text
-    rest: list[str] = []
+    stds: list[str] = []
     if isinstance(text, str):
-        value, *rest = _PLUS_MINUS.split(text)
-    if len(rest) > 1:
+        value, *stds = _PLUS_MINUS.split(text)
+    # Both sides of "+-"; a share of the value becomes an uncertainty in its unit.
+    if len(stds) > 1:
         raise ValueError(f"{text!r} has more than one uncertainty")
     if isinstance(value, str) and unit == "1":
         value = to_si(value, unit)
     size = to_si(value, unit)
-    if rest and unit != "1" and rest[0].endswith("%"):
-        rest = [f"{to_si(rest[0], '1') * abs(size):.12g} {unit}"]
-    if rest and to_si(rest[0], unit) < 0:
+    if stds and unit != "1" and stds[0].endswith("%"):
+        stds = [f"{to_si(stds[0], '1') * abs(size):.12g} {unit}"]
+    if stds and to_si(stds[0], unit) < 0:
         raise ValueError(f"{text!r}: an uncertainty is not negative")
-    return value, rest[0] if rest else None
+    return value, stds[0] if stds else None
 
 
 @dataclass(frozen=True)
-class _Words:
-    """Checks a quantity in words, with its standard uncertainty, or one of some words."""
+class _Quantity:
+    """Validator of a quantity in words, with its standard uncertainty, or of one of some words."""
 
     unit: str
     words: tuple[str, ...] = ()
-    wants_std: bool = False
-    least: float | None = None
+    needs_std: bool = False
+    minimum: float | None = None  # [unit], itself excluded
 
     def __call__(self, text: object) -> object:
         if isinstance(text, str) and " ".join(text.split()[:1]) in {word.split()[0] for word in self.words}:
             return self._of_words(" ".join(text.split()))
         try:
             value, std = value_and_std(text, self.unit)
-            if self.wants_std and std is None:
+            if self.needs_std and std is None:
                 raise ValueError(f'{text!r}: how certain is that? Write its standard uncertainty, as "{text} +- ..."')
-            if self.least is not None and not to_si(value, self.unit) > self.least:
-                raise ValueError(f"{text!r} must be above {self.least:g}")
+            if self.minimum is not None and not to_si(value, self.unit) > self.minimum:
+                raise ValueError(f"{text!r} must be above {self.minimum:g}")
         except ValueError as error:
             allowed = f" (or {', '.join(map(repr, self.words))})" if self.words else ""
             raise PydanticCustomError("quantity", "{reason}", {"reason": f"{error}{allowed}"}) from error
@@ -88,7 +89,7 @@ class _Words:
         return text
 
 
-def _truth(text: object) -> object:
+def _truth_text(text: object) -> object:
     """Return the same where it is a sentence of true values; raises the error of validation."""
     try:
         truth_in_words(text)
@@ -98,10 +99,11 @@ def _truth(text: object) -> object:
 
 
 HALF_SPACE, FREE_AIR, ZEROED, NO_BEAM = "half-space", "free-air", "zeroed before contact", "none"
+_TARES = (FREE_AIR, ZEROED, "none", "calibrated")
 
 
 def _columns(value: object) -> object:
-    """One column, or several of which a file has one, by role; raises ValueError for a role that there is not."""
+    """Return the columns of each role as a tuple, of which a file has one; raises ValueError for an unknown role."""
     if not isinstance(value, dict):
         return value
     if wrong := next((role for role in value if role not in ROLES), None):
@@ -109,7 +111,7 @@ def _columns(value: object) -> object:
     return {role: tuple(names) if isinstance(names, list | tuple) else (names,) for role, names in value.items()}
 
 
-_Length = Annotated[Any, BeforeValidator(_Words("m", least=0.0))]
+_Length = Annotated[Any, BeforeValidator(_Quantity("m", minimum=0.0))]
 
 
 def _fact(description: str, fact: str = "", question: str = "", example: str = "", **more: str) -> Any:
@@ -119,7 +121,7 @@ def _fact(description: str, fact: str = "", question: str = "", example: str = "
 
 
 class RigFacts(Settings):
-    """What a person states of a rig and its specimens; what is left out is not known."""
+    """Facts of a rig and its specimens that a person states; what is left out is not known."""
 
     tip: str | None = _fact(
         'the tip: "sphere 3 mm" (a ball, its radius), "sphere diameter 6 mm", "flat 2 mm", "cone 45 deg"',
@@ -127,7 +129,7 @@ class RigFacts(Settings):
     )  # fmt: skip
     tip_uncertainty: _Length | None = _fact('standard uncertainty of the tip\'s radius, as in "20 um"')
     model: str | None = _fact("the contact model, by name or initials")
-    thickness: Annotated[Any, BeforeValidator(_Words("m", (HALF_SPACE,), least=0.0))] | None = _fact(
+    thickness: Annotated[Any, BeforeValidator(_Quantity("m", (HALF_SPACE,), minimum=0.0))] | None = _fact(
         'height of the specimen on its base, as in "22 mm", or "half-space"',
         "thickness", "How thick is the specimen?", "22 mm",
     )  # fmt: skip
@@ -135,27 +137,27 @@ class RigFacts(Settings):
         '"bonded": a specimen of a stated thickness is glued to its base; "sliding": it may slide (spheres)',
         "base", "Is the specimen glued to its base, or may it slide?", "bonded",
     )  # fmt: skip
-    delay: Annotated[Any, BeforeValidator(_Words("s", wants_std=True))] | None = _fact(
+    delay: Annotated[Any, BeforeValidator(_Quantity("s", needs_std=True))] | None = _fact(
         'how late the force is behind the position, as in "0 ms +- 1 ms"',
         "delay", "How late is the force behind the position?", "0 ms +- 1 ms",
     )  # fmt: skip
-    tare: Annotated[Any, BeforeValidator(_Words("N", (FREE_AIR, ZEROED, "none", "calibrated"), True))] | None = _fact(
+    tare: Annotated[Any, BeforeValidator(_Quantity("N", _TARES, True))] | None = _fact(
         '"free-air": the record begins in air, which is the zero, "free-air 0.25 s": so long; '
         '"zeroed before contact"; "none"; "calibrated"; or the reading without contact, as in "1.8 N +- 10 mN"',
         "tare", "Where is the zero of the force?", ZEROED,
     )  # fmt: skip
-    tip_mass: Annotated[Any, BeforeValidator(_Words("kg"))] | None = _fact(
+    tip_mass: Annotated[Any, BeforeValidator(_Quantity("kg"))] | None = _fact(
         'mass behind the force sensor, as in "140 g +- 2 g", or "0 g"',
         "mass", "What mass hangs behind the force sensor?", "0 g",
     )  # fmt: skip
-    poisson: Annotated[Any, BeforeValidator(_Words("1"))] | None = _fact(
+    poisson: Annotated[Any, BeforeValidator(_Quantity("1"))] | None = _fact(
         'Poisson\'s ratio of the specimen, as in 0.5 or "0.45 +- 0.01"',
         "poisson", "Which Poisson's ratio has the specimen?", "0.5",
     )  # fmt: skip
-    inclination: Annotated[Any, BeforeValidator(_Words("rad"))] | None = _fact(
+    inclination: Annotated[Any, BeforeValidator(_Quantity("rad"))] | None = _fact(
         'of the skin under the tip, as in "0 deg"', "level", "How inclined is the skin?", "0 deg"
     )
-    mount: Annotated[Any, BeforeValidator(_Words("N/m", least=0.0))] | None = _fact(
+    mount: Annotated[Any, BeforeValidator(_Quantity("N/m", minimum=0.0))] | None = _fact(
         'stiffness of robot and sensor, which yield before the specimen, as in "200 N/mm"',
         "mount", "How stiff are robot and sensor?", "200 N/mm",
     )  # fmt: skip
@@ -163,12 +165,12 @@ class RigFacts(Settings):
         '"tip": the position is measured, and that of the tip; "stage": that of what moves a beam with the tip on it',
         "position", "Is the position measured at the tip, or at a stage behind a beam?", "tip", option="position-of",
     )  # fmt: skip
-    beam: Annotated[Any, BeforeValidator(_Words("N/m", (NO_BEAM,), least=0.0))] | None = _fact(
+    beam: Annotated[Any, BeforeValidator(_Quantity("N/m", (NO_BEAM,), minimum=0.0))] | None = _fact(
         'stiffness of the beam or spring between stage and tip, as in "400 N/m +- 5 %", or "none"; of a file with a '
         "column of its deflection found there",
         "beam", "How stiff is the beam between stage and tip, and how certain is that?", "400 N/m +- 5 %",
     )  # fmt: skip
-    truth: Annotated[str | None, BeforeValidator(_truth)] = _fact(
+    truth: Annotated[str | None, BeforeValidator(_truth_text)] = _fact(
         'true values of the specimen, with which results are compared: "elasticity 112.5 kPa, viscosity 362 Pa*s"; no '
         "estimator reads them"
     )
@@ -185,12 +187,12 @@ class RigFacts(Settings):
 
     @property
     def position_of(self) -> str | None:
-        """What the position is of; a beam is behind a tip only where it is that of a stage."""
+        """Return the body whose position is read; a beam is behind a tip only where it is that of a stage."""
         return position_of(self.position, self.beam)
 
 
 def position_of(position: str | None, beam: object) -> str | None:
-    """What a position is of, by what is stated of it and of a beam."""
+    """Return "tip" or "stage", by what is stated of a position and of a beam; None where neither is stated."""
     return position or (None if beam is None else "tip" if beam == NO_BEAM else "stage")
 
 
@@ -202,12 +204,12 @@ def facts_stated() -> Mapping[str, str]:
 
 
 def _extra(name: str) -> Mapping[str, str]:
-    found: Any = RigFacts.model_fields[name].json_schema_extra
-    return found if isinstance(found, dict) else {}
+    extra: Any = RigFacts.model_fields[name].json_schema_extra
+    return extra if isinstance(extra, dict) else {}
 
 
 def question_of(name: str) -> tuple[str, str]:
-    """What is asked for a key, and an answer as an example."""
+    """Return the question for a key, and an answer as an example."""
     return _extra(name).get("question", ""), _extra(name).get("example", "")
 
 

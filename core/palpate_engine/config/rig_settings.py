@@ -1,4 +1,4 @@
-"""The one place where the facts of a rig become settings of a pipeline."""
+"""Settings of a pipeline from the facts of a rig: the one place where the first become the second."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ from palpate_engine.config.tip_words import tip_table, with_stated_law
 
 TABLE = "rig"  # of a source: facts of the command line, as in ``--set rig.thickness="22 mm"``
 _NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)")
+UNIT_ROUNDING = 1e-9  # relative; a conversion of units rounds by some 1e-16, nobody states ten digits: a choice
 _ALIGNMENT = ("alignment",)
 _RADII = ("radius", "curvature_radius")  # keys of a tip for its radius
 LAW = "garcia"  # of a layer glued to its base, for spheres, flats and cones
@@ -53,39 +54,45 @@ _NO_VALUES = (
 
 
 def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
-    """Set what the facts in a file, and those of the command line, state of a source, and take both out of it.
+    """Set what the facts in a file, and those of the command line, state of a source; return True if there are any.
 
-    Whether there were any.
-
-    What the command line states goes before the file of facts, which goes before what a pipeline leaves open; the
-    uncertainty of another value does not stay. Raises ConfigurationError where the pipeline states another value than
-    the file of facts.
+    Both are taken out of the source. What the command line states goes before the file of facts, which goes before what
+    a pipeline leaves open; the uncertainty of another value does not stay. Raises ConfigurationError where the pipeline
+    states another value than the file of facts.
     """
     if path is None and TABLE not in source.tables:
         return False
     stated = source.tables.pop(TABLE, {})
     if not isinstance(stated, dict):
         raise ConfigurationError(f"{source.where((TABLE,))}: is not a table of facts")
+    # The command line first: nothing that follows replaces what it states.
     options = facts_of({key: value for key, value in stated.items() if source.is_stated((TABLE, key))})
-    own = facts_of({key: value for key, value in stated.items() if not source.is_stated((TABLE, key))})
-    for key, at in _UNCERTAINTIES.items():
-        if getattr(options, key) is not None and not source.is_stated(at):
-            source.drop(at)
-    for key, at, value in _settings(options, source.tables, known):
-        if not source.is_stated(at):
-            source.state(at, value, f"{TABLE}.{key}")
-    of_files = [(own, str(source.path))]
+    _apply_options(source, options, known)
+    # Then the table [rig] of the pipeline and the file of facts, which may not contradict it.
+    table_facts = facts_of({key: value for key, value in stated.items() if not source.is_stated((TABLE, key))})
+    facts_by_file = [(table_facts, str(source.path))]
     if path is not None:
         source.tables["run"].pop("rig")
-        of_files.append((facts := read_rig(path), str(path)))
-        if facts.measured and "calibration" not in source.tables["run"]:
+        file_facts = read_rig(path)
+        facts_by_file.append((file_facts, str(path)))
+        if file_facts.measured and "calibration" not in source.tables["run"]:
             source.state(("run", "calibration"), str(path.absolute()), str(path))
-    for facts, name in of_files:
-        for key, at, value in _settings(facts, source.tables, known):
-            if not source.is_stated(at):
-                _agree(source, at, value, f"{name}: {key}")
-                source.state(at, value, f"{name}: {key}")
+    for facts, file_name in facts_by_file:
+        for key, location, value in _settings(facts, source.tables, known):
+            if not source.is_stated(location):
+                _demand_agreement(source, location, value, f"{file_name}: {key}")
+                source.state(location, value, f"{file_name}: {key}")
     return True
+
+
+def _apply_options(source: Source, options: RigFacts, registry: Registry) -> None:
+    """Set what facts of the command line state, without the uncertainties of the values that they replace."""
+    for key, location in _UNCERTAINTIES.items():
+        if getattr(options, key) is not None and not source.is_stated(location):
+            source.drop(location)
+    for key, location, value in _settings(options, source.tables, registry):
+        if not source.is_stated(location):
+            source.state(location, value, f"{TABLE}.{key}")
 
 
 def plain_facts(facts: RigFacts) -> dict[str, Any]:
@@ -96,8 +103,8 @@ def plain_facts(facts: RigFacts) -> dict[str, Any]:
 def rig_assignments(facts: RigFacts, path: Path) -> list[str]:
     """Return the facts that are settings of a pipeline, and what a file of facts has measured, as
     ``table.key=value``."""
-    found = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
-    return found + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
+    assignments = [f"{TABLE}.{key}={json.dumps(value)}" for key, value in plain_facts(facts).items()]
+    return assignments + ([f"run.calibration={json.dumps(str(path.absolute()))}"] if facts.measured else [])
 
 
 def facts_set(
@@ -107,60 +114,73 @@ def facts_set(
     places = [parsed_assignment(text)[0] for text in assignments]
     return frozenset(
         key
-        for key, at, _ in _settings(facts, tables, known)
-        if at not in _NO_VALUES and any(place[: len(at)] == at or at[: len(place)] == place for place in places)
+        for key, location, _ in _settings(facts, tables, known)
+        if location not in _NO_VALUES and any(_contains(place, location) for place in places)
     )
 
 
+def _contains(place: Location, other: Location) -> bool:
+    """Return True if one of two places in a pipeline is the other, or a table around it."""
+    length = min(len(place), len(other))
+    return place[:length] == other[:length]
+
+
 def facts_left_open(tables: Mapping[str, Any], facts: RigFacts, known: Registry) -> list[str]:
-    """Those of the facts that a written pipeline leaves open, as ``table.key=value``; raises ConfigurationError.
+    """Return the facts that a written pipeline leaves open, as ``table.key=value``; raises ConfigurationError.
 
     It leaves open what it has no value for, or one that it assumes.
     """
     assumed = [str(pattern) for pattern in _tables(tables, "run").get("assumed", ())]
-    places: dict[str, list[Location]] = {}
-    for key, at, _ in _settings(facts, tables, known):
-        places.setdefault("beam" if facts.beam is not None and key == "position" else key, []).append(at)
-    asked = {*facts_stated().values()}
-    keys = [key for key, ats in places.items() if key in asked and any(_is_open(tables, at, assumed) for at in ats)]
-    return [f"{TABLE}.{key}={json.dumps(getattr(facts, key))}" for key in keys]
+    # A fact may set several keys; it is open while one of them is. A beam also states what the position is of.
+    locations_of_fact: dict[str, list[Location]] = {}
+    for key, location, _ in _settings(facts, tables, known):
+        fact = "beam" if facts.beam is not None and key == "position" else key
+        locations_of_fact.setdefault(fact, []).append(location)
+    conditions = {*facts_stated().values()}
+    assignments = []
+    for fact, locations in locations_of_fact.items():
+        if fact in conditions and any(_is_open(tables, location, assumed) for location in locations):
+            assignments.append(f"{TABLE}.{fact}={json.dumps(getattr(facts, fact))}")
+    return assignments
 
 
-def _is_open(tables: Mapping[str, Any], at: Location, assumed: list[str]) -> bool:
+def _is_open(tables: Mapping[str, Any], location: Location, assumed: list[str]) -> bool:
+    """Return True if a pipeline has no value at a location, switches it off, or only assumes it."""
     value: Any = tables
-    for key in at:
+    for key in location:
         value = value.get(key) if isinstance(value, Mapping) else None
-    return value is None or value is False or any(fnmatchcase(".".join(at), pattern) for pattern in assumed)
+    return value is None or value is False or any(fnmatchcase(".".join(location), pattern) for pattern in assumed)
 
 
-def _agree(source: Source, at: Location, value: Any, by: str) -> None:
+def _demand_agreement(source: Source, location: Location, value: Any, statement: str) -> None:
     """Raise ConfigurationError where a source states another value; one that it assumes is not a statement."""
     table: Any = source.tables
     assumed = _tables(source.tables, "run").get("assumed", ())
-    if any(fnmatchcase(".".join(at), str(pattern)) for pattern in assumed):
+    if any(fnmatchcase(".".join(location), str(pattern)) for pattern in assumed):
         return
-    for key in at:
+    for key in location:
         if not isinstance(table, dict) or key not in table:
             return
         table = table[key]
-    if not _same(value, table):
-        there, here = _word(table), _word(value)
+    if not _are_same(value, table):
+        key, stated_text, text = ".".join(location), _setting_text(table), _setting_text(value)
         raise ConfigurationError(
-            f"{by} contradicts {source.where(at)}: {'.'.join(at)} is {there} there, {here} here; correct one of them"
+            f"{statement} contradicts {source.where(location)}: {key} is {stated_text} there, {text} here; correct one "
+            "of them"
         )
 
 
-def _same(one: Any, other: Any) -> bool:
+def _are_same(first: Any, second: Any) -> bool:
     """Return True if two settings are the same in other units; of tables, as far as both have a key."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        return all(_same(one[key], other[key]) for key in one.keys() & other.keys())
-    sizes = [_size(value) for value in (one, other)]
+    if isinstance(first, dict) and isinstance(second, dict):
+        return all(_are_same(first[key], second[key]) for key in first.keys() & second.keys())
+    sizes = [_quantity(value) for value in (first, second)]
     if sizes[0] is None or sizes[1] is None:
-        return bool(one == other)
-    return math.isclose(*sizes, rel_tol=1e-9)  # type: ignore[arg-type]
+        return bool(first == second)
+    return math.isclose(*sizes, rel_tol=UNIT_ROUNDING)  # type: ignore[arg-type]
 
 
-def _size(value: Any) -> float | None:
+def _quantity(value: Any) -> float | None:
     """Return a quantity in SI, whatever its unit; None where a value is not one."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
@@ -171,69 +191,92 @@ def _size(value: Any) -> float | None:
         return None
 
 
-def _word(value: Any) -> str:
+def _setting_text(value: Any) -> str:
+    """Return a setting as a message shows it; of a table its type, then each key with its value."""
     if isinstance(value, dict):
-        return " ".join(_word(item) if key == "type" else f"{key} {_word(item)}" for key, item in value.items())
+        return " ".join(
+            _setting_text(item) if key == "type" else f"{key} {_setting_text(item)}" for key, item in value.items()
+        )
     return str(value)
 
 
-def _settings(facts: RigFacts, tables: Mapping[str, Any], known: Registry) -> Iterator[tuple[str, Location, Any]]:
-    """Key of the facts, key of the pipeline, value."""
+def _settings(facts: RigFacts, tables: Mapping[str, Any], registry: Registry) -> Iterator[tuple[str, Location, Any]]:
+    """Yield the settings that facts state, each as key of the facts, key of the pipeline and value."""
     models = {name: table for name, table in _tables(tables, "model").items() if isinstance(table, dict)}
     if facts.tip is not None:
-        for at in _tips(models, known):
-            yield "tip", at, with_stated_law(facts.tip, _at(tables, at), known)
+        for location in _tips(models, registry):
+            yield "tip", location, with_stated_law(facts.tip, _table_at(tables, location), registry)
     if facts.tip_uncertainty is not None:
-        for key in _radius_keys(facts, models, tables, known):
+        for key in _radius_keys(facts, models, tables, registry):
             yield "tip_uncertainty", ("run", "uncertainties", key), facts.tip_uncertainty
-    yield from _layer(facts, models, known)
+    yield from _layer(facts, models, registry)
+    yield from _specimen(facts, models, registry)
+    if facts.truth is not None:
+        for name, value in truth_in_words(facts.truth).items():
+            yield "truth", ("run", "truth", name), value
+    yield from _alignment(facts, tables)
+
+
+def _specimen(
+    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], registry: Registry
+) -> Iterator[tuple[str, Location, Any]]:
+    """Yield Poisson's ratio and the inclination of the skin, of every model that has such a key."""
     if facts.poisson is not None:
         value, std = value_and_std(facts.poisson, "1")
-        for name in _with_key(models, "poisson", known):
+        for name in _with_key(models, "poisson", registry):
             yield "poisson", ("model", name, "poisson"), value
             yield "poisson", ("run", "uncertainties", "poisson"), std if std is not None else POISSON_STD
     if facts.inclination is not None:
         value, std = value_and_std(facts.inclination, "rad")
-        for name in _with_key(models, "skin", known):
+        for name in _with_key(models, "skin", registry):
             yield "inclination", ("model", name, "skin", "inclination"), value
         if std is not None:
             yield "inclination", ("run", "uncertainties", "inclination"), std
-    for name, value in truth_in_words(facts.truth).items() if facts.truth is not None else ():
-        yield "truth", ("run", "truth", name), value
-    yield from _alignment(facts, tables)
 
 
 def _layer(
-    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], known: Registry
+    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], registry: Registry
 ) -> Iterator[tuple[str, Location, Any]]:
-    """Height and base of the specimen; a model that has a layer keeps its law."""
+    """Yield height and base of the specimen, of every model that has a layer or may get one; one that it has keeps its
+    law.
+
+    Raises ConfigurationError for a base without a stated thickness.
+    """
     value, std = facts.thickness, None
     if value not in (None, HALF_SPACE):
         value, std = value_and_std(value, "m")
-    # Before the first setting is made: it changes the tables.
-    layers = {name: isinstance(models[name].get("thickness"), dict) for name in _with_key(models, "thickness", known)}
-    laws = {name: models[name]["thickness"].get("law") for name, has_layer in layers.items() if has_layer}
-    base = {} if facts.base is None else {"bonded": facts.base != SLIDING}
-    for name, has_layer in layers.items():
-        at = ("model", name, "thickness")
-        if base and (value == HALF_SPACE or (value is None and not has_layer)):
+    # The laws are read before the first setting is made, for that changes the tables; None of a model without a layer.
+    layers = {name: models[name].get("thickness") for name in _with_key(models, "thickness", registry)}
+    laws = {name: layer.get("law") if isinstance(layer, dict) else None for name, layer in layers.items()}
+    with_layer = {name for name, layer in layers.items() if isinstance(layer, dict)}
+    for name, law in laws.items():
+        has_layer = name in with_layer
+        if facts.base is not None and (value == HALF_SPACE or (value is None and not has_layer)):
             raise ConfigurationError('base: only a specimen of a stated thickness has one (thickness = "22 mm")')
-        if value == HALF_SPACE:
-            yield "thickness", at, value
-        elif value is not None and not has_layer:
-            law = SLIDING_LAW if facts.base == SLIDING else LAW
-            yield "thickness", at, {"law": law, "height": value, **base}
-        elif value is not None:
-            yield "thickness", (*at, "height"), value
-        if base and has_layer:
-            yield "base", (*at, "bonded"), base["bonded"]
-            if facts.base == SLIDING and laws[name] == LAW:
-                yield "base", (*at, "law"), SLIDING_LAW
+        if value is not None:
+            yield _height(facts, name, value, has_layer)
+        if facts.base is not None and has_layer:
+            yield "base", ("model", name, "thickness", "bonded"), facts.base != SLIDING
+            if facts.base == SLIDING and law == LAW:
+                yield "base", ("model", name, "thickness", "law"), SLIDING_LAW
     if std is not None:
         yield "thickness", ("run", "uncertainties", "height"), std
 
 
+def _height(facts: RigFacts, model: str, height: Any, has_layer: bool) -> tuple[str, Location, Any]:
+    """Return the setting of a specimen's height in a model: of its layer, of a new one, or of a half-space."""
+    location = ("model", model, "thickness")
+    if height == HALF_SPACE:
+        return "thickness", location, height
+    if has_layer:
+        return "thickness", (*location, "height"), height
+    base = {} if facts.base is None else {"bonded": facts.base != SLIDING}
+    law = SLIDING_LAW if facts.base == SLIDING else LAW
+    return "thickness", location, {"law": law, "height": height, **base}
+
+
 def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str, Location, Any]]:
+    """Yield delay, tare, mass, stiffness of the mount and beam; raises ConfigurationError for a beam that cannot be."""
     if facts.delay is not None:
         value, std = value_and_std(facts.delay, "s")
         yield "delay", (*_ALIGNMENT, "force", "delay"), value
@@ -251,6 +294,14 @@ def _alignment(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str
             yield "tip_mass", (*_ALIGNMENT, "tip_mass_uncertainty"), std
     if facts.mount is not None:
         yield "mount", (*_ALIGNMENT, "series_stiffness"), value_and_std(facts.mount, "N/m")[0]
+    yield from _beam(facts, tables)
+
+
+def _beam(facts: RigFacts, tables: Mapping[str, Any]) -> Iterator[tuple[str, Location, Any]]:
+    """Yield the beam between stage and tip, and whether the position is measured at one of them.
+
+    Raises ConfigurationError for a beam behind a position that is of the tip, and for a stage without one.
+    """
     if facts.beam == NO_BEAM:
         yield "beam", (*_ALIGNMENT, "beam"), None
     elif facts.beam is not None:
@@ -279,42 +330,43 @@ def _tare(text: Any) -> dict[str, Any]:
 
 
 def _tables(tables: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Return the tables of a kind by name; none where the file has something else in their place."""
     found = tables.get(kind, {})
     return found if isinstance(found, dict) else {}
 
 
-def _tips(models: Mapping[str, Mapping[str, Any]], known: Registry) -> Iterator[Location]:
-    """Where the tips of the models stand, each once."""
-    found: dict[Location, None] = {}
-    for name in _with_key(models, "indenter", known):
-        given = models[name].get("indenter")
-        found[("indenter", given) if isinstance(given, str) else ("model", name, "indenter")] = None
-    yield from found
+def _tips(models: Mapping[str, Mapping[str, Any]], registry: Registry) -> Iterator[Location]:
+    """Yield the location of the tip of each model, each location once."""
+    locations: dict[Location, None] = {}
+    for name in _with_key(models, "indenter", registry):
+        tip = models[name].get("indenter")
+        locations[("indenter", tip) if isinstance(tip, str) else ("model", name, "indenter")] = None
+    yield from locations
 
 
 def _radius_keys(
-    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], tables: Mapping[str, Any], known: Registry
+    facts: RigFacts, models: Mapping[str, Mapping[str, Any]], tables: Mapping[str, Any], registry: Registry
 ) -> list[str]:
     """Return the keys that the tips have for their radius, each once; `radius` where no tip has one."""
-    types = [str(_at(tables, at).get("type")) for at in _tips(models, known)]
+    types = [str(_table_at(tables, location).get("type")) for location in _tips(models, registry)]
     if facts.tip is not None:
-        types = [tip_table(facts.tip, known, "tip")["type"]]
-    entries = [entry for name in types if (entry := known.parts["indenter"].get(name)) is not None]
+        types = [tip_table(facts.tip, registry, "tip")["type"]]
+    entries = [entry for name in types if (entry := registry.parts["indenter"].get(name)) is not None]
     keys = [key for entry in entries for key in _RADII if entry.problem is None and key in entry.part.model_fields]
     return list(dict.fromkeys(keys)) or [_RADII[0]]
 
 
-def _at(tables: Mapping[str, Any], at: Location) -> Mapping[str, Any]:
+def _table_at(tables: Mapping[str, Any], location: Location) -> Mapping[str, Any]:
     """Return the table at a place; an empty one where none is."""
     table: Any = tables
-    for key in at:
+    for key in location:
         table = table.get(key) if isinstance(table, Mapping) else None
     return table if isinstance(table, Mapping) else {}
 
 
-def _with_key(models: Mapping[str, Mapping[str, Any]], key: str, known: Registry) -> list[str]:
+def _with_key(models: Mapping[str, Mapping[str, Any]], key: str, registry: Registry) -> list[str]:
     """Return the models that have a key."""
-    entries = {name: known.parts["model"].get(str(table.get("type"))) for name, table in models.items()}
+    entries = {name: registry.parts["model"].get(str(table.get("type"))) for name, table in models.items()}
     return [
         name
         for name, entry in entries.items()

@@ -24,7 +24,7 @@ def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: M
     if delay is None:
         delay = max(alignment.force.delay, port.stream.delay, 0.0)
     shared = isinstance(sensor, Shareable) and port.stream.name in sensor.shared_streams
-    blind = 0.0 if shared else max((own.blind for own in own_motions(devices).values()), default=0.0)
+    blind = 0.0 if shared else max((motion.blind for motion in own_motions(devices).values()), default=0.0)
     return limits.model_copy(update={"sensor_delay": delay, "latency": max(limits.latency, blind)})
 
 
@@ -34,9 +34,9 @@ def contradictions(
     """Return a force that the sensor cannot show, and an impossible height."""
     mistakes, ports = [], _ports(alignment, devices)
     force, position = ports["force"], ports["position"]
-    if force.limits is not None and limits.stop_force >= (most := max(map(abs, force.limits))):
+    if force.limits is not None and limits.stop_force >= (reach := max(map(abs, force.limits))):
         problem = (
-            f"is {limits.stop_force:g} N, but {force.signal.channel} ends at {most:g} N: the motion would never be "
+            f"is {limits.stop_force:g} N, but {force.signal.channel} ends at {reach:g} N: the motion would never be "
             "stopped by the force"
         )
         mistakes.append(Mistake(("safety", "stop_force"), problem))

@@ -16,7 +16,7 @@ _NORMAL = 2  # column of z in a pose or twist of the work frame, whose z is the 
 
 
 def ports_of(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> Ports:
-    """Where each signal is read in the streams of some devices; the names have been checked."""
+    """Return the port of each signal in the streams of some devices; the names have been checked."""
     return Ports.of(alignment, {name: device.streams for name, device in devices.items()})
 
 
@@ -32,17 +32,18 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
             mistakes.append(Mistake(("device", name), str(error)))
     if mistakes:
         return mistakes
+    # A ratio of unit 1 is of any role: its sensor states no unit.
     for role, signal in signals(alignment):
-        wanted = SIGNAL_UNITS.get(role)
+        required_unit = SIGNAL_UNITS.get(role)
         if signal.channel not in units:
             problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, units)}"
             mistakes.append(Mistake(("alignment", role), problem))
-        elif wanted is not None and units[signal.channel] not in (wanted, "1"):
-            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} must be in {wanted}"
+        elif required_unit is not None and units[signal.channel] not in (required_unit, "1"):
+            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} must be in {required_unit}"
             mistakes.append(Mistake(("alignment", role), problem))
     if not mistakes and alignment.is_oriented:
-        bare = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
-        problems = problems_of(alignment, ports_of(bare, devices))
+        unturned = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
+        problems = problems_of(alignment, ports_of(unturned, devices))
         mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]
     return mistakes
 
@@ -60,7 +61,7 @@ def _announced_streams(device: Device) -> tuple[Stream, ...]:
 
 
 def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> AlignmentSettings:
-    """Settings of a tool that turns, with the direction of gravity in which its arm stands where none is stated."""
+    """Return the settings; of a tool that turns with the direction of gravity by its arm where none is stated."""
     arm = devices.get(alignment.position.channel.partition(".")[0])
     if not alignment.is_oriented or alignment.gravity is not None or not isinstance(arm, KnowsGravity):
         return alignment
@@ -70,10 +71,10 @@ def with_gravity(alignment: AlignmentSettings, devices: Mapping[str, Device]) ->
 def check_wiring(ports: Ports, safety: SafetySettings | None) -> list[Mistake]:
     """Return a mistake for a height that is not along the normal, and for a force limit that the sensor cannot
     reach."""
-    found = []
+    mistakes = []
     for role in ("position", "velocity"):
         if role in ports.roles and (problem := _off_the_normal(role, ports[role])) is not None:
-            found.append(Mistake(("alignment", role), problem))
+            mistakes.append(Mistake(("alignment", role), problem))
     port = ports["force"]
     if safety is not None and port.limits is not None:
         reach = min(map(abs, port.limits))
@@ -81,11 +82,12 @@ def check_wiring(ports: Ports, safety: SafetySettings | None) -> list[Mistake]:
             problem = (
                 f"{safety.stop_force:g} N never comes: {port.signal.channel} is at the end of its range at {reach:g} N"
             )
-            found.append(Mistake(("safety", "stop_force"), problem))
-    return found
+            mistakes.append(Mistake(("safety", "stop_force"), problem))
+    return mistakes
 
 
 def _off_the_normal(role: str, port: Port) -> str | None:
+    """Return why a signal of the work frame is not the one along the normal, out of the material; None where it is."""
     if port.stream.frame != "work" or port.stream.layout not in ("pose", "twist"):
         return None
     name = port.signal.channel

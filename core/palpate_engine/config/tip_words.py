@@ -32,44 +32,45 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
 def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """Return the table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
     label = f"{said} {text!r}"
-    name, *words = _COMMA.sub(" ", text).split() or [""]
+    name, *tokens = _COMMA.sub(" ", text).split() or [""]
     tips = known.parts["indenter"]
-    kind = kind_in_words(name, known)
-    if kind not in tips:
+    tip_type = kind_in_words(name, known)
+    if tip_type not in tips:
         hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
         raise ConfigurationError(f"{label}: no tip {name!r}{hint}")
-    fields = known.find("indenter", kind).model_fields
+    fields = known.find("indenter", tip_type).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
     required_keys = [key for key, field in fields.items() if field.is_required()]
     # A value without a key belongs to the first key that the tip needs.
-    if words and words[0] not in keys:
-        if words[0][:1].isalpha():
-            problem = f"has no {words[0]!r}{suggest(words[0], keys)}"
+    if tokens and tokens[0] not in keys:
+        if tokens[0][:1].isalpha():
+            problem = f"has no {tokens[0]!r}{suggest(tokens[0], keys)}"
             raise ConfigurationError(f"{label}: {name} {problem} (keys: {', '.join(keys)})")
         if not required_keys:
             raise ConfigurationError(f"{label}: {name} needs a key each (keys: {', '.join(keys)})")
-        words = [required_keys[0], *words]
-    values = _values_by_key(words, keys, label)
+        tokens = [required_keys[0], *tokens]
+    # A diameter has become a radius by now; what is missing still has no value.
+    values = _values_by_key(tokens, keys, label)
     missing = [key for key in required_keys if not values.get(key)]
     if missing:
         example = ", ".join([f"{name} VALUE", *(f"{key} VALUE" for key in required_keys[1:])])
         raise ConfigurationError(f'{label}: {name} needs its {missing[0]}, as in "{example}"')
-    return {"type": kind, **values}
+    return {"type": tip_type, **values}
 
 
-def _values_by_key(words: Sequence[str], keys: Sequence[str], label: str) -> dict[str, Any]:
+def _values_by_key(tokens: Sequence[str], keys: Sequence[str], label: str) -> dict[str, Any]:
     """Return the values of words, of which the first is a key: each key with the words up to the next one.
 
     A diameter becomes a radius [m]. Raises ConfigurationError, which names the tip by its `label`.
     """
     words_of_key: dict[str, list[str]] = {}
-    for word in words:
-        if word in words_of_key:
-            raise ConfigurationError(f"{label}: {word} is stated twice")
-        if word in keys:
-            words_of_key[word] = []
+    for token in tokens:
+        if token in words_of_key:
+            raise ConfigurationError(f"{label}: {token} is stated twice")
+        if token in keys:
+            words_of_key[token] = []
         else:
-            words_of_key[list(words_of_key)[-1]].append(word)
+            words_of_key[list(words_of_key)[-1]].append(token)
     values: dict[str, Any] = {key: " ".join(of_key) for key, of_key in words_of_key.items()}
     if {"radius", "diameter"} <= values.keys():
         raise ConfigurationError(f"{label}: both radius and diameter are stated")

@@ -14,9 +14,9 @@ UNCHECKED = "unchecked"  # key of any table: names of keys whose numbers are mea
 
 def quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | None:
     """Return the quantity that a field holds, alone, as an alternative or in a list; None where it holds none."""
-    found = next((item for item in metadata if isinstance(item, Quantity)), None)
-    if found is not None:
-        return found
+    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
+    if quantity is not None:
+        return quantity
     if hasattr(annotation, "__metadata__"):
         return quantity_of(annotation.__origin__, annotation.__metadata__)
     if get_origin(annotation) in (Union, UnionType, tuple):
@@ -25,14 +25,14 @@ def quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | Non
 
 
 def implausible_units(settings: type[Settings], table: Mapping[str, Any]) -> dict[str, str]:
-    """What is doubted of a table's numbers without a unit, by key."""
-    found = {}
+    """Return what is doubted of a table's numbers without a unit, by key."""
+    doubts = {}
     for name in settings.model_fields.keys() & table.keys():
         field = settings.model_fields[name]
         if (quantity := quantity_of(field.annotation, field.metadata)) is None:
             continue
-        given = table[name] if isinstance(table[name], list | tuple) else [table[name]]
-        numbers = [item for item in given if isinstance(item, int | float) and not isinstance(item, bool)]
+        items = table[name] if isinstance(table[name], list | tuple) else [table[name]]
+        numbers = [item for item in items if isinstance(item, int | float) and not isinstance(item, bool)]
         if doubt := next(filter(None, map(quantity.doubt, numbers)), ""):
-            found[name] = doubt
-    return found
+            doubts[name] = doubt
+    return doubts
