@@ -16,7 +16,7 @@ from palpate_trajectories.oscillation import together
 from palpate_trajectories.smooth_profile import Knot, KnotProfile, profile
 from palpate_trajectories.surface_motion import Footway, SurfaceMotion
 
-_MIN_PERIODS = 4.0  # of the sine, a choice: a line that lasts fewer is not followed by it
+_MIN_PERIODS = 4.0  # of the sine, a choice: in a line that lasts fewer an estimate has too little to follow
 
 
 class PressShape(Settings):
@@ -63,9 +63,8 @@ def press_motion(
     surface: NominalHeight,
 ) -> PlannedMotion:
     """Return the motion that touches the skin at given times while it moves along a path."""
-    last = touches[-1].end + press.transfer
     return PlannedMotion(
-        duration=last,
+        duration=touches[-1].end + press.transfer,
         x=through(x),
         y=through(y),
         depth=_touch_profile(touches, press.transfer, -press.clearance, press.bias),

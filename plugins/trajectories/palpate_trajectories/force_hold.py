@@ -13,7 +13,9 @@ from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.planned_trajectory import PlannedTrajectory
 from palpate_trajectories.smooth_profile import Knot, rest_profile
 
-_TURN_TIME = 2.0  # a choice: duration of a turn over that at constant acceleration; a smooth one peaks higher
+# Duration of a turn over that at constant acceleration, a choice above 1.5: by the basis of `smooth_profile` the
+# acceleration of a smooth one peaks at 1.5 times its mean.
+_TURN_TIME = 2.0
 
 
 class ForceHold(PlannedTrajectory):
@@ -71,9 +73,11 @@ class ForceHold(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        law, top, turn = self.force_law, -self.clearance, self._turn
-        turn_way = self.speed * turn / 2
+        """The envelope: down at constant speed to the greatest depth, there until force control ends, and up."""
+        law, turn = self.force_law, self._turn
         down, up = law.begin, law.end
+        top = -self.clearance
+        turn_way = self.speed * turn / 2  # that of a turn from rest to the speed
         knots = [
             Knot(down, top),
             Knot(down + turn, top + turn_way, self.speed),

@@ -20,7 +20,7 @@ from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.stations import Stations
 from palpate_trajectories.surface_motion import StationFootway, SurfaceLine, SurfaceMotion
 
-_MAX_POINTS = 2000  # a choice: a finer pitch is a mistake
+_MAX_POINTS = 2000  # a choice: some 3 hours of visits by default; a finer pitch is a mistake
 _RAMP = 0.25  # [s], a choice: acceleration and deceleration of a way, as the default of a line
 _ROUNDING = 1e-9  # pitches and periods, a choice: rounding of a whole number of them
 _MIN_SPEED = 1e-9  # [m/s], a choice: of a coordinate that does not move
@@ -95,9 +95,11 @@ class GridPoints(PlannedTrajectory):
         along, across = (
             np.arange(math.floor(extent / self.pitch + _ROUNDING) + 1) * self.pitch for extent in self.size
         )
-        a, b = np.meshgrid(along - along[-1] / 2, across - across[-1] / 2)
+        # About the middle, turned by the angle and moved to the centre.
+        from_middle, aside = np.meshgrid(along - along[-1] / 2, across - across[-1] / 2)
         cos, sin = math.cos(self.angle), math.sin(self.angle)
-        x, y = self.centre[0] + cos * a - sin * b, self.centre[1] + sin * a + cos * b
+        x = self.centre[0] + cos * from_middle - sin * aside
+        y = self.centre[1] + sin * from_middle + cos * aside
         return tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True))
 
     @cached_property
@@ -153,10 +155,10 @@ class GridPoints(PlannedTrajectory):
         assert isinstance(self.surface, NominalHeight)
         touches, visits = self._touches, self.visits[self.first_point :]
         x, y = [Knot(0.0, visits[0][0])], [Knot(0.0, visits[0][1])]
-        for touch, here, there in zip(touches, visits[:-1], visits[1:], strict=False):
-            leave, distance = touch.end + self.press.transfer, math.dist(here, there)
+        for touch, (start, destination) in zip(touches, itertools.pairwise(visits), strict=False):
+            leave, distance = touch.end + self.press.transfer, math.dist(start, destination)
             # Each coordinate has its share of the speed, so that both arrive at once.
-            for knots, begin, end in ((x, here[0], there[0]), (y, here[1], there[1])):
+            for knots, begin, end in zip((x, y), start, destination, strict=True):
                 speed = self.travel_speed
                 if distance > 0:
                     speed = self.travel_speed * abs(end - begin) / distance

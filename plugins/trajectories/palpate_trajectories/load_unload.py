@@ -84,7 +84,7 @@ def loading_cycles(settings: LoadUnload | Compression, speeds: list[float], dept
     knots = [Knot(time, top)]
     for speed in speeds:
         # From rest to the speed.
-        turn_way = speed * turn / 2
+        turn_way = speed * turn / 2  # at half of it on average
         knots.append(Knot(time + turn, top + turn_way, speed))
         time += turn
         # A turn reaches beyond the place where it begins; with a hold it stops, and takes two halves of a move.

@@ -14,8 +14,10 @@ from palpate_trajectories.nominal_height import NominalHeight
 from palpate_trajectories.smooth_profile import PEAK, Knot, KnotProfile, profile, rest_profile
 
 TOP_SPEED = 0.25  # [m/s], the usual limit near people (ISO 10218-1)
-_MIN_RAMPS = 1.5  # of speed times ramp, a choice: a shorter way is one smooth move
-_MIN_WAY = 1e-12  # [m], a choice: a shorter way does not count
+# Of the distance speed times ramp, a choice: a shorter way is one smooth move. Both ramps take 1 of it: no constant
+# speed remains at 1, and at 1.5 it lasts half a ramp.
+_MIN_RAMPS = 1.5
+_MIN_WAY = 1e-12  # [m], a choice: far below an encoder; a shorter way is rounding
 
 
 class Wave(Protocol):
@@ -86,8 +88,10 @@ def line_knots(start: float, begin: float, end: float, speed: float, ramp: float
         return [Knot(start, begin)]
     if way <= _MIN_RAMPS * speed * ramp:
         return [Knot(start, begin), Knot(start + line_time(way, speed, ramp), end)]
+    # Each ramp takes half of the distance at full speed, as its speed is symmetric about its middle.
     rate = speed if end > begin else -speed
-    ramp_way, total = rate * ramp / 2, line_time(way, speed, ramp)
+    ramp_way = rate * ramp / 2
+    total = line_time(way, speed, ramp)
     return [
         Knot(start, begin),
         Knot(start + ramp, begin + ramp_way, rate),
@@ -97,10 +101,12 @@ def line_knots(start: float, begin: float, end: float, speed: float, ramp: float
 
 
 def line_time(way: float, speed: float, ramp: float) -> float:
-    """Return the duration of such a line [s]."""
+    """Return the duration [s] of a line of `line_knots`; a smooth move peaks at `speed`."""
     if way < _MIN_WAY:
         return 0.0
-    return PEAK * way / speed if way <= _MIN_RAMPS * speed * ramp else way / speed + ramp
+    if way <= _MIN_RAMPS * speed * ramp:
+        return PEAK * way / speed
+    return way / speed + ramp
 
 
 def through(knots: list[Knot]) -> KnotProfile:

@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 
 _MAX_TILT = np.deg2rad(30.0)  # a choice: a steeper skin is a surface, whose normals the tool follows
 _MIN_AREA = 1e-6  # [m^2], a choice: twice the area of three touches, below which they are one line
+_CUBIC = 3  # degree of the spline in each direction, where the map has points enough
+_MIN_ROWS = 3  # and columns of a map: its coordinates, and two points
 
 
 class NominalHeight(Settings):
@@ -54,17 +56,19 @@ class NominalHeight(Settings):
         """Height at the origin [m] and slopes."""
         if not self.touches:
             return self.height, float(np.tan(self.tilt_x)), float(np.tan(self.tilt_y))
+        # Three equations z = h + x s_x + y s_y.
         places = np.array(self.touches)
         slope = np.linalg.solve(np.column_stack([np.ones(3), places[:, :2]]), places[:, 2])
         return float(slope[0]), float(slope[1]), float(slope[2])
 
     @cached_property
     def _spline(self) -> Any:
+        """The spline of heights [m] over y and x, through every point of the map."""
         from scipy.interpolate import RectBivariateSpline
 
         assert self.file is not None
         x, y, heights = read_heights(self.file)
-        return RectBivariateSpline(y, x, heights, kx=min(3, len(y) - 1), ky=min(3, len(x) - 1))
+        return RectBivariateSpline(y, x, heights, kx=min(_CUBIC, len(y) - 1), ky=min(_CUBIC, len(x) - 1))
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return height [m] and slopes towards x and y, each (n,)."""
@@ -81,7 +85,7 @@ def read_heights(file: Path) -> tuple[Floats, Floats, Floats]:
         table = np.genfromtxt(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=",")
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{file}: cannot be read as a map of heights: {error}") from error
-    if table.ndim != 2 or min(table.shape) < 3:
+    if table.ndim != 2 or min(table.shape) < _MIN_ROWS:
         raise ConfigurationError(f"{file}: a map of heights has x in its first row, y in its first column, two each")
     x, y, heights = table[0, 1:], table[1:, 0], table[1:, 1:]
     if not (np.isfinite(heights).all() and (np.diff(x) > 0).all() and (np.diff(y) > 0).all()):

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from palpate_trajectories.stations import Stations, setpoint_at_station
 
 _ROUNDING = 1e-9  # periods, a choice: rounding of a whole number of them
+_DEGREE = 5  # of a polynomial that meets position, speed and acceleration at both ends: six conditions
 
 
 class Point(Trajectory):
@@ -71,7 +72,9 @@ class Point(Trajectory):
     def _polynomials(self) -> tuple[Floats, Floats]:
         """The coefficients of approach and retraction, in time since their beginning."""
         speed = 2 * np.pi * self.frequency * self.amplitude
-        clear, inwards, outwards = (self.clearance, 0.0, 0.0), (-self.bias, -speed, 0.0), (-self.bias, speed, 0.0)
+        clear = self.clearance, 0.0, 0.0
+        inwards = -self.bias, -speed, 0.0
+        outwards = -self.bias, speed, 0.0
         return _quintic(clear, inwards, self._transfer), _quintic(outwards, clear, self._transfer)
 
     @property
@@ -93,15 +96,16 @@ class Point(Trajectory):
         return setpoint
 
     def _level_setpoint(self, time: Floats) -> Setpoint:
-        """Return setpoints over the origin of the work frame."""
-        # Standstill, approach, sine, retraction, standstill.
+        """Return setpoints (n, 3) over the origin of the work frame: each piece of the motion, chosen by its time."""
+        # When each piece ends: standstill, approach, sine, retraction; a standstill follows.
         t = np.asarray(time, float)
         sine_begins = self.standstill + self._transfer
         sine_ends = sine_begins + self._sine_time
-        omega, sine_time = 2 * np.pi * self.frequency, t - sine_begins
-        approach, retraction = self._polynomials
         pieces = [t < self.standstill, t < sine_begins, t < sine_ends, t < sine_ends + self._transfer]
-        approach_time, retraction_time = t - self.standstill, t - sine_ends
+        # Height and velocity of every piece, in time since its beginning.
+        approach, retraction = self._polynomials
+        omega = 2 * np.pi * self.frequency
+        approach_time, sine_time, retraction_time = t - self.standstill, t - sine_begins, t - sine_ends
         z = [
             np.full_like(t, self.clearance),
             np.polyval(approach, approach_time),
@@ -117,14 +121,16 @@ class Point(Trajectory):
         position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
         position[:, 2] = np.select(pieces, z, self.clearance)
         velocity[:, 2] = np.select(pieces, v, 0.0)
+        # Measured once the sine has settled.
         measured_time = sine_time - self._settling
         return Setpoint(position, velocity, (measured_time >= 0) & (measured_time < self.duration))
 
 
 def _quintic(start: tuple[float, float, float], end: tuple[float, float, float], duration: float) -> Floats:
     """Return the coefficients, highest first, of the fifth-order polynomial with motion (z, z', z'') at both ends."""
+    # One equation for each condition: the derivatives of t^5 ... 1 at either end.
+    powers = [np.poly1d([1.0] + [0.0] * k) for k in range(_DEGREE, -1, -1)]
     rows = []
-    powers = [np.poly1d([1.0] + [0.0] * k) for k in range(5, -1, -1)]
     for t in (0.0, duration):
         for order in range(3):
             rows.append([np.polyder(power, order)(t) for power in powers])

@@ -71,7 +71,8 @@ class Raster(PlannedTrajectory):
         surface = self.followed
         if surface is not None:
             path.line = lambda begin, end: SurfaceLine.on(surface, self._place(*begin), self._place(*end))
-        half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
+        half = self.size[0] / 2
+        lowest = -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
             across = lowest + line * self.pitch
             forwards = line % 2 == 0 or not self.boustrophedon
@@ -166,9 +167,10 @@ class _LinePath:
             length = self._add_surface_line(self.line((self.along, self.across), (along, across)), speed, ramp)
         else:
             length = self._add_line(along, across, speed, ramp)
-        before, self.now = self.now, self.now + line_time(length, speed, ramp)
+        start = self.now
+        self.now = start + line_time(length, speed, ramp)
         if pausing:
-            self.pauses.append((before, self.now))
+            self.pauses.append((start, self.now))
         self.along, self.across = along, across
 
     def _add_surface_line(self, line: SurfaceLine, speed: float, ramp: float) -> float:
@@ -181,7 +183,9 @@ class _LinePath:
     def _add_line(self, along: float, across: float, speed: float, ramp: float) -> float:
         """Add the knots of a line in the plane; return its length [m]."""
         length = math.hypot(along - self.along, across - self.across)
-        unit_along, unit_across = (along - self.along) / length, (across - self.across) / length
+        # The knots of the way along the line become places, and its rate a velocity, by the line's direction.
+        unit_along = (along - self.along) / length
+        unit_across = (across - self.across) / length
         self.knots.append(_Place(self.now, self.along, self.across))
         for knot in line_knots(self.now, 0.0, length, speed, ramp):
             place = self.along + unit_along * knot.value, self.across + unit_across * knot.value

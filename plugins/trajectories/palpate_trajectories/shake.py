@@ -34,6 +34,7 @@ class Shake(Trajectory):
     def _check_height(self) -> Any:
         if any(frequency <= 0 for frequency in self.frequencies):
             raise ValueError("frequencies must be positive")
+        # The sines are at their peaks together in the worst case.
         lowest = self.height - len(self.frequencies) * self.amplitude
         if lowest <= 0:
             raise ValueError(f"height {self.height:g} m lowers the tip to {lowest:g} m: it must stay in air")
@@ -52,19 +53,28 @@ class Shake(Trajectory):
         rise, rise_slope = _smooth_step(t / self.ramp)
         fall, fall_slope = _smooth_step((fall_begins + self.ramp - t) / self.ramp)
         window, slope = rise * fall, (rise_slope * fall - rise * fall_slope) / self.ramp
-        # The sines and their rate.
-        wave, rate = np.zeros_like(t), np.zeros_like(t)
-        for k, frequency in enumerate(self.frequencies):
-            omega, phase = 2 * np.pi * frequency, np.pi * k * (k + 1) / len(self.frequencies)
-            wave += self.amplitude * np.sin(omega * t + phase)
-            rate += self.amplitude * omega * np.cos(omega * t + phase)
+        wave, rate = self._sines(t)
+        # Height and its derivative, by the product rule.
         position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
         position[:, 2] = self.height + window * wave
         velocity[:, 2] = window * rate + slope * wave
         return Setpoint(position, velocity, (t >= self.ramp + self.settle) & (t < fall_begins))
 
+    def _sines(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return the sum of the sines [m] and its rate [m/s], each (n,), at times (n,) [s] since the shake begins."""
+        wave, rate = np.zeros_like(t), np.zeros_like(t)
+        for k, frequency in enumerate(self.frequencies):
+            omega = 2 * np.pi * frequency
+            phase = np.pi * k * (k + 1) / len(self.frequencies)  # Schroeder 1970
+            wave += self.amplitude * np.sin(omega * t + phase)
+            rate += self.amplitude * omega * np.cos(omega * t + phase)
+        return wave, rate
+
 
 def _smooth_step(x: Floats) -> tuple[Floats, Floats]:
-    """Return the fifth-order step from 0 at x = 0 to 1 at x = 1, at rest at both ends, and its slope."""
+    """Return the fifth-order step from 0 at x = 0 to 1 at x = 1, at rest at both ends, and its slope.
+
+    s = 10 x^3 - 15 x^4 + 6 x^5, the only one whose slope s' = 30 x^2 (1 - x)^2 and second derivative are 0 at both.
+    """
     x = np.clip(x, 0.0, 1.0)
     return x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2

@@ -18,6 +18,7 @@ _BASIS = np.array(
         [-3.0, 7.0, -4.0, 0.0, 0.0, 0.0],
     ]
 )
+# Both follow from the basis.
 TURN = 5.0 / 16.0  # distance of a turn from speed v to -v, over v times its duration; by the basis at its middle
 PEAK = 1.875  # highest speed of a rest-to-rest move over its mean speed; the slope 30 x^2 (1 - x)^2 at 1/2
 _SAME_TIME = 1e-12  # [s], a choice: knots closer than this are one
@@ -33,7 +34,7 @@ class KnotProfile:
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
         """Return value and rate (n,) at times (n,) [s]."""
-        # The stretch of each time, and the fraction of it.
+        # The stretch between two knots in which each time lies, and the fraction of it.
         last = len(self.times) - 2
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, last)
         length = np.diff(self.times)[stretch]
@@ -42,9 +43,10 @@ class KnotProfile:
         for coefficient in self.coefficients[stretch].T:  # Horner's scheme, of value and rate at once
             rate = rate * fraction + value
             value = value * fraction + coefficient
-        before, after = time < self.times[0], time >= self.times[-1]
-        value = np.where(before, self.ends[0], np.where(after, self.ends[1], value))
-        return value, np.where(before | after, 0.0, rate / length)
+        # At rest before the first knot and from the last one on.
+        is_early, is_late = time < self.times[0], time >= self.times[-1]
+        value = np.where(is_early, self.ends[0], np.where(is_late, self.ends[1], value))
+        return value, np.where(is_early | is_late, 0.0, rate / length)
 
 
 @dataclass(frozen=True)
@@ -58,19 +60,21 @@ class Knot:
 
 def profile(knots: Sequence[Knot]) -> KnotProfile:
     """Return the profile through knots, whose times must increase; knots of one time count once."""
+    # Knots of one time count once; a single one becomes a rest of 1 s, as a stretch needs two ends.
     distinct = [knots[0]]
     for knot in knots[1:]:
         if knot.time > distinct[-1].time + _SAME_TIME:
             distinct.append(knot)
     if len(distinct) == 1:
         distinct.append(Knot(distinct[0].time + 1.0, distinct[0].value))
-    times = np.array([knot.time for knot in distinct])
+    # Coefficients of each stretch about its first value, so that a long straight line loses no digits.
     rows = []
-    for a, b in itertools.pairwise(distinct):
-        length = b.time - a.time
-        # About the first value, so that a long straight line loses no digits.
-        rows.append(np.array([0.0, a.rate * length, b.value - a.value, b.rate * length]) @ _BASIS)
-        rows[-1][5] += a.value
+    for begin, end in itertools.pairwise(distinct):
+        length = end.time - begin.time
+        row = np.array([0.0, begin.rate * length, end.value - begin.value, end.rate * length]) @ _BASIS
+        row[-1] += begin.value
+        rows.append(row)
+    times = np.array([knot.time for knot in distinct])
     return KnotProfile(times, np.array(rows), (distinct[0].value, distinct[-1].value))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats, Setpoint, Surface, surface_points
 from palpate_kit.kinematics.turns_to_normals import rotation_to
 
+_MM = 1e3  # per metre, as messages show places
 _MIN_UPWARD = 0.05  # z of a normal, a choice: a skin steeper than 87 degrees cannot be reached from above
 
 
@@ -24,7 +25,7 @@ class Stations:
         points = surface_points(surface, np.asarray(places, float))
         steep = np.flatnonzero(points.normal[:, 2] < _MIN_UPWARD)
         if len(steep):
-            x, y = (1e3 * points.position[steep[0], :2]).tolist()
+            x, y = (_MM * points.position[steep[0], :2]).tolist()
             raise ConfigurationError(
                 f"place {steep[0] + 1} ({x:.1f}, {y:.1f} mm): the surface hangs over, or nearly so"
             )
@@ -36,7 +37,7 @@ class Stations:
 
 def local_axes(normal: Floats) -> Floats:
     """Return the axes (3, 3), as columns, at a normal (3,): those of the work frame, by the shortest turn."""
-    # Rodrigues' rotation of z onto the normal.
+    # Rodrigues' rotation of z onto the normal, about z x n = (-y, x, 0) by the angle whose cosine is n_z.
     x, y, z = normal.tolist()
     share = 1.0 / (1.0 + z)
     return np.array([[1.0 - share * x * x, -share * x * y, x], [-share * x * y, 1.0 - share * y * y, y], [-x, -y, z]])

@@ -15,10 +15,10 @@ from palpate_trajectories.motion_parts import Wave, add_wave, is_within
 from palpate_trajectories.smooth_profile import PEAK, KnotProfile
 from palpate_trajectories.stations import Stations
 
-_SLOPE_CHECKS = 101  # a choice: places of a line at which its slopes are taken
-_MIN_DURATION = 1e-3  # [s], a choice: of the way between two stations
-_PITCH = 0.5e-3  # [m], a choice: between the stations of a line
-_MIN_STATIONS = 9  # a choice: of a line
+_SLOPE_CHECKS = 101  # a choice: places of a line at which its slopes are taken, 1 % of it apart
+_MIN_DURATION = 1e-3  # [s], a choice: of the way between two stations that are one place; times have to increase
+_PITCH = 0.5e-3  # [m], a choice: between the stations of a line; a finer one costs look-ups on the surface
+_MIN_STATIONS = 9  # a choice: of a line, so that a short one bends, too
 
 Course = tuple[Floats, Floats, Floats, Floats]  # foot [m] and its rate, normal and its rate, each (n, 3)
 
@@ -73,6 +73,7 @@ class SurfaceLine:
         """Return the line between two places [x, y]; raises ConfigurationError where it leaves the surface."""
         from scipy.interpolate import CubicSpline
 
+        # Stations along the line, and the spline through them over parts of the length.
         count = max(math.ceil(math.dist(begin, end) / _PITCH) + 1, _MIN_STATIONS)
         stations = Stations.on(surface, np.linspace(begin, end, count))
         steps = np.linalg.norm(np.diff(stations.foot, axis=0), axis=1)
@@ -93,6 +94,7 @@ class SurfaceLine:
 
     def duration(self, clearance: float, speed: float, turn_speed: float) -> float:
         """Return the duration of a smooth way above it [s] at speeds [m/s] and [rad/s] that are not exceeded."""
+        # A smooth move is at most PEAK times as fast as on average; the tip at the clearance moves with the turn.
         _, foot_rate, _, normal_rate = self.at(np.linspace(0.0, 1.0, _SLOPE_CHECKS))
         way = np.linalg.norm(foot_rate + clearance * normal_rate, axis=1).max()
         turn = np.linalg.norm(normal_rate, axis=1).max()

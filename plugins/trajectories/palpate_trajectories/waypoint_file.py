@@ -12,6 +12,9 @@ from pydantic import Field, model_validator
 from palpate_trajectories.motion_parts import TOP_SPEED
 
 _CHECKS = 20001  # a choice: instants at which speed and height of the motion are checked
+_COLUMNS = (4, 5)  # time, x, y, z, and optionally whether the stretch that begins there is measured
+_MEASURED_ABOVE = 0.5  # of that column, whose numbers are 0 and 1
+_DEGREE = 5  # of the spline: rest at both ends leaves speed and acceleration to fix there
 
 
 class FromFile(Trajectory):
@@ -48,7 +51,7 @@ class FromFile(Trajectory):
             table = np.loadtxt(text[skip:], delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise ConfigurationError(f"{self.file}: cannot be read as waypoints: {error}") from error
-        if table.size == 0 or table.shape[1] not in (4, 5) or len(table) < 2:
+        if table.size == 0 or table.shape[1] not in _COLUMNS or len(table) < 2:
             raise ConfigurationError(f"{self.file}: waypoints have 4 or 5 columns (time, x, y, z, measuring), 2 rows")
         if not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0).all():
             raise ConfigurationError(f"{self.file}: every number must be finite, and times must increase")
@@ -61,8 +64,8 @@ class FromFile(Trajectory):
         from scipy.interpolate import make_interp_spline
 
         table = self._waypoints
-        rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-        position = make_interp_spline(table[:, 0], table[:, 1:4], k=5, bc_type=(rest, rest))
+        rest = [(1, np.zeros(3)), (2, np.zeros(3))]  # first and second derivative
+        position = make_interp_spline(table[:, 0], table[:, 1:4], k=_DEGREE, bc_type=(rest, rest))
         return position, position.derivative()
 
     @property
@@ -76,9 +79,10 @@ class FromFile(Trajectory):
         bounded = np.clip(time, 0.0, table[-1, 0])
         is_moving = ((time >= 0) & (time <= table[-1, 0]))[:, None]
         place = position(bounded)
-        if table.shape[1] == 5:
+        if table.shape[1] == _COLUMNS[1]:
+            # The row of the waypoint at which each time's stretch begins.
             stretch = np.clip(np.searchsorted(table[:, 0], bounded, side="right") - 1, 0, len(table) - 1)
-            measuring = table[stretch, 4] > 0.5
+            measuring = table[stretch, 4] > _MEASURED_ABOVE
         else:
             measuring = place[:, 2] < 0
         return Setpoint(place, np.where(is_moving, velocity(bounded), 0.0), measuring & is_moving[:, 0])

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, Setpoint, contact_force, duration_of, setpoints_at, to_si
-from palpate_engine import Pipeline, ask_devices, check_motion, load_pipeline
+from palpate_engine import MotionReport, Pipeline, ask_devices, check_motion, load_pipeline
 from palpate_kit.figures import save_figure
 from palpate_kit.terminal.json_output import print_aside, print_json
 from palpate_kit.terminal.options import JsonOption, Overrides
@@ -43,12 +43,13 @@ def plan(
     pipeline = load_pipeline(file, overrides or [])
     if not pipeline.trajectories:
         raise ConfigurationError(f"{file}: has no [trajectory.*] table to plan")
-    # Each motion: its facts, the devices' own checks, the limits, text and figure.
-    answer, problems = {}, list[str]()
+    answer = dict[str, dict[str, Any]]()
+    problems = list[str]()
     for name, trajectory in pipeline.trajectories.items():
         end = duration_of(trajectory)
         time = np.arange(0.0, end + _STEP, max(_STEP, end / _MAX_STEPS))
         setpoint = setpoints_at(trajectory, time)
+        # Its facts, the devices' own checks, and the limits.
         facts = answer[name] = _facts(pipeline, end, time, setpoint, expect or [])
         ask_devices(pipeline.devices, setpoint)
         report = check_motion(trajectory, pipeline.safety) if pipeline.safety else None
@@ -56,15 +57,12 @@ def plan(
             facts["stop_force"] = report.peak_force
             problems += [f"trajectory {name}: {problem}" for problem in report.problems]
         with print_aside(as_json):
-            typer.echo(f"[trajectory.{name}], height of the tip in the work frame:")
-            typer.echo("\n".join(draw_height(trajectory, end)))
-            for line in (*fact_lines(pipeline, facts), *safety_lines(report, pipeline.safety)):
-                typer.echo(f"  {line}")
+            _print_motion(pipeline, name, facts, report)
             if out is not None:
-                several = len(pipeline.trajectories) > 1
-                facts["picture"] = out.with_stem(f"{out.stem}-{name}") if several else out
+                facts["picture"] = out.with_stem(f"{out.stem}-{name}") if len(pipeline.trajectories) > 1 else out
                 _draw(time, setpoint, name, facts["picture"])
                 typer.echo(f"  drawn in {facts['picture']}")
+    # Motions that arms make on their own, and the verdict.
     with print_aside(as_json):
         for line in own_motion_lines(pipeline):
             typer.echo(line)
@@ -73,6 +71,14 @@ def plan(
         raise ConfigurationError("\n".join([f"{file}: the motion breaks the limits of [safety]:", *problems]))
     if as_json:
         print_json(answer)
+
+
+def _print_motion(pipeline: Pipeline, name: str, facts: dict[str, Any], report: MotionReport | None) -> None:
+    """Print the height of a motion over time, its facts, and the check of its limits."""
+    typer.echo(f"[trajectory.{name}], height of the tip in the work frame:")
+    typer.echo("\n".join(draw_height(pipeline.trajectories[name], facts["duration"])))
+    for line in (*fact_lines(pipeline, facts), *safety_lines(report, pipeline.safety)):
+        typer.echo(f"  {line}")
 
 
 def _draw(time: Floats, setpoint: Setpoint, name: str, path: Path) -> None:

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.figures import figure_of, legend_outside, style
 
+_MM = 1e3  # per metre
+_ROW_HEIGHT = 48.0  # [mm], a choice
+_GREY = "0.7"  # of the way, a choice: behind what is measured
 _BINS = 400  # of time, a choice: a motion of minutes is drawn by its least and largest value in each
 _DETAIL = 2.0  # [s], a choice: stretch that is drawn sample by sample
 _MIN_TRAVEL = 1e-3  # [m], a choice: a motion with less is not drawn from above
@@ -24,25 +27,34 @@ def plan_picture(
     name: str,
 ) -> Any:
     """Return the figure of a planned motion: from above if it travels, height and speed, as a whole and in detail."""
-    across = bool(np.ptp(position[:, :2], axis=0).max() > _MIN_TRAVEL)
-    figure, axes = figure_of(2, 3 if across else 2, width=175.0, height=48.0)
-    height, speed = 1e3 * position[:, 2], 1e3 * np.linalg.norm(velocity, axis=1)
-    detail = _detail_rows(time, measuring)
-    *above, whole, near = axes
-    for (left, right), values, word in ((whole, height, "height [mm]"), (near, speed, "speed [mm/s]")):
-        _envelope(left, time, values, measuring)
-        left.set(xlabel="time [s]", ylabel=word)
-        right.plot(time[detail], values[detail], color="0.7", linestyle="-")
-        right.plot(time[detail], np.where(measuring, values, np.nan)[detail], color=_MEASURED, linestyle="-")
-        right.set(xlabel="time [s]", ylabel=word)
-    for axis in whole:
-        axis.axhline(0.0, color="black", linewidth=0.5)
-    whole[0].set_title(f"{name}, as a whole")
-    whole[1].set_title("close by")
-    for row in above:
+    travels = bool(np.ptp(position[:, :2], axis=0).max() > _MIN_TRAVEL)
+    figure, axes = figure_of(2, 3 if travels else 2, height=_ROW_HEIGHT)
+    # A row of two axes each: from above where it travels, then height and speed, as a whole and in detail.
+    *path_rows, height_row, speed_row = axes
+    for row in path_rows:
         _from_above(row, position, measuring)
-    legend_outside(above[0][0] if across else near[0])
+    detail = _detail_rows(time, measuring)
+    _over_time(height_row, time, _MM * position[:, 2], measuring, detail, "height [mm]")
+    _over_time(speed_row, time, _MM * np.linalg.norm(velocity, axis=1), measuring, detail, "speed [mm/s]")
+    # The nominal surface.
+    for axis in height_row:
+        axis.axhline(0.0, color="black", linewidth=0.5)
+    height_row[0].set_title(f"{name}, as a whole")
+    height_row[1].set_title("close by")
+    legend_outside(axes[0][0] if travels else speed_row[0])
     return figure
+
+
+def _over_time(
+    row: Any, time: Floats, values: Floats, measuring: NDArray[np.bool_], detail: NDArray[np.bool_], label: str
+) -> None:
+    """Draw a quantity (n,) over the whole time (n,) [s], and its rows of the detail sample by sample."""
+    whole, close = row
+    _envelope(whole, time, values, measuring)
+    close.plot(time[detail], values[detail], color=_GREY, linestyle="-")
+    close.plot(time[detail], np.where(measuring, values, np.nan)[detail], color=_MEASURED, linestyle="-")
+    for axis in row:
+        axis.set(xlabel="time [s]", ylabel=label)
 
 
 def _detail_rows(time: Floats, measuring: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -53,9 +65,10 @@ def _detail_rows(time: Floats, measuring: NDArray[np.bool_]) -> NDArray[np.bool_
 
 def _envelope(axis: Any, time: Floats, values: Floats, measuring: NDArray[np.bool_]) -> None:
     """Draw least and largest value over time; the measured part is darker."""
-    for rows, colour, label in ((~measuring, "0.7", "on the way"), (measuring, _MEASURED, "measured")):
+    for rows, colour, label in ((~measuring, _GREY, "on the way"), (measuring, _MEASURED, "measured")):
         if not rows.any():
             continue
+        # The slot of time of each row, and the extremes of each slot.
         edges = np.linspace(time[0], time[-1], _BINS + 1)
         slot = np.clip(np.searchsorted(edges, time[rows], side="right") - 1, 0, _BINS - 1)
         low, high = np.full(_BINS, np.inf), np.full(_BINS, -np.inf)
@@ -69,14 +82,17 @@ def _envelope(axis: Any, time: Floats, values: Floats, measuring: NDArray[np.boo
 def _from_above(row: Any, position: Floats, measuring: NDArray[np.bool_]) -> None:
     """Draw the path from above, and its height along the longer side."""
     above, along = row
-    x, y, z = 1e3 * position.T
-    above.plot(x, y, color="0.7", linewidth=0.6, linestyle="-", label="on the way")
+    x, y, z = _MM * position.T
+    above.plot(x, y, color=_GREY, linewidth=0.6, linestyle="-", label="on the way")
     above.plot(x[measuring], y[measuring], ".", color=_MEASURED, markersize=1.5, label="measured")
     above.plot(x[0], y[0], "o", color="black", markersize=3, label="begins")
     above.set(xlabel="x [mm]", ylabel="y [mm]")
     above.set_aspect("equal", adjustable="datalim")
-    way, word = (x, "x [mm]") if np.ptp(x) >= np.ptp(y) else (y, "y [mm]")
-    along.plot(way, z, color="0.7", linewidth=0.4, linestyle="-")
-    along.plot(way[measuring], z[measuring], ".", color=_MEASURED, markersize=1)
+    if np.ptp(x) >= np.ptp(y):
+        coordinate, label = x, "x [mm]"
+    else:
+        coordinate, label = y, "y [mm]"
+    along.plot(coordinate, z, color=_GREY, linewidth=0.4, linestyle="-")
+    along.plot(coordinate[measuring], z[measuring], ".", color=_MEASURED, markersize=1)
     along.axhline(0.0, color="black", linewidth=0.5)
-    along.set(xlabel=word, ylabel="height [mm]")
+    along.set(xlabel=label, ylabel="height [mm]")
