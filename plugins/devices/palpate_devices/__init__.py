@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, str]:
-    """Robots, force sensors and MCAP logs."""
+    """Return robots, force sensors and MCAP logs."""
     return {
         "ur": "palpate_devices.ur.device:UR",
         "ur3e": "palpate_devices.ur.device:UR",
@@ -29,14 +29,14 @@ def palpate_devices() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What is done at a robot by hand."""
+    """Return commands for what is done at a robot by hand."""
     text = "Find payload, tip and surface by leading the arm; nothing is moved."
     return {"calibrate teach": Command("palpate_devices.teach.teach_command:teach", text, "hardware")}
 
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
-    """MCAP logs."""
+    """Return the sink of MCAP logs."""
     return {"mcap": "palpate_devices.mcap_sink:McapSink"}
 
 

@@ -11,10 +11,13 @@ from typing import Any
 
 from palpate_devices.mcap_index import Index
 
-_MOST = 1 << 20  # [bytes] that wait in memory
+_MAX_WAITING = 1 << 20  # [bytes], a choice: so many are held in memory before they go to the system
+# The end of a file by the specification of MCAP: magic bytes, and records of an opcode, a length and numbers that are 0
+# where there is no checksum and no summary.
 _MAGIC = b"\x89MCAP0\r\n"
-_DATA_END, _FOOTER = struct.pack("<BQI", 0x0F, 4, 0), struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)
-_NOTED = ("statistics", "chunk_indices", "attachment_indexes", "metadata_indexes")  # by the library's writer
+_DATA_END = struct.pack("<BQI", 0x0F, 4, 0)  # opcode, length, checksum
+_FOOTER = struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)  # opcode, length, start of summary and of its offsets, checksum
+_MARKED_PARTS = ("statistics", "chunk_indices", "attachment_indexes", "metadata_indexes")  # of the library's writer
 
 
 class LogFile:
@@ -32,7 +35,7 @@ class LogFile:
     def write(self, data: Any) -> int:
         """Append bytes; raises OSError."""
         self._waiting += data
-        if len(self._waiting) > _MOST:
+        if len(self._waiting) > _MAX_WAITING:
             self.flush()
         return len(data)
 
@@ -49,6 +52,7 @@ class LogFile:
             del self._waiting[:count]
 
     def _demand_whole(self) -> None:
+        """Raise OSError where another program has truncated the file, now or before."""
         size = os.fstat(self._descriptor).st_size
         self._is_truncated |= size < self._written
         if self._is_truncated:
@@ -57,11 +61,11 @@ class LogFile:
             raise OSError(errno.EIO, text)
 
     def fileno(self) -> int:
-        """Its descriptor."""
+        """Return its descriptor."""
         return self._descriptor
 
     def mark(self) -> None:
-        """Up to here the file is whole."""
+        """Note that the file is whole up to here."""
         self._whole = self.tell()
 
     def unmarked(self) -> int:
@@ -69,7 +73,7 @@ class LogFile:
         return self.tell() - self._whole
 
     def cut(self) -> None:
-        """Back to the latest mark; raises OSError."""
+        """Cut the file back to the latest mark; raises OSError."""
         self._demand_whole()
         self._waiting.clear()
         os.ftruncate(self._descriptor, self._whole)
@@ -77,45 +81,53 @@ class LogFile:
 
 
 class Bookmark:
-    """What the library's writer has noted of a log up to the latest mark of its file."""
+    """State of the library's writer at the latest mark of its file: copies, and lengths of lists that only grow."""
 
     def __init__(self, writer: Any, file: LogFile) -> None:
         self._writer, self._file = writer, file
-        self._noted: dict[str, Any] = {}
+        self._state: dict[str, Any] = {}
         self.set()
 
     def set(self) -> None:
-        """The log is whole up to here, and with the system; raises OSError."""
+        """Hand everything to the system, and note that the log is whole up to here; raises OSError."""
         self._file.flush()
         self._file.mark()
-        noted = {name: getattr(self._writer, f"_Writer__{name}", None) for name in _NOTED}
-        self._noted = {name: x.size if isinstance(x, Index) else _length_or_copy(x) for name, x in noted.items()}
+        state = {}
+        for name in _MARKED_PARTS:
+            state[name] = _size_or_copy(getattr(self._writer, f"_Writer__{name}", None))
+        self._state = state
 
     def close(self) -> None:
         """End the log at its latest mark, with the library's index where there is room for it; raises OSError."""
         self._file.cut()
         with suppress(OSError, AttributeError, TypeError):  # a full disk; a library that names its parts otherwise
-            self._take_back()
+            self._restore()
             self._writer.finish()
             self._file.flush()
             return
+        # Without an index: the least that ends a file.
         self._file.cut()
         self._file.write(_DATA_END + _FOOTER + _MAGIC)
         self._file.flush()
 
-    def _take_back(self) -> None:
+    def _restore(self) -> None:
+        """Set the library's writer back to its state at the latest mark."""
         writer = self._writer
-        for name, before in self._noted.items():
+        for name, state in self._state.items():
             if name == "statistics":
-                writer._Writer__statistics = copy.deepcopy(before)
+                writer._Writer__statistics = copy.deepcopy(state)
             elif isinstance(entries := getattr(writer, f"_Writer__{name}"), Index):
-                entries.shorten(before)
+                entries.shorten(state)
             else:
-                del entries[before:]
+                del entries[state:]
+        # The chunk that was not finished is dropped.
         writer._Writer__record_builder.end()
         writer._Writer__summary_offsets.clear()
         writer._Writer__chunk_builder.reset()
 
 
-def _length_or_copy(noted: Any) -> Any:
-    return len(noted) if isinstance(noted, list) else copy.deepcopy(noted)
+def _size_or_copy(part: Any) -> Any:
+    """Return the size of a list that only grows, on disk [bytes] or in memory, and a copy of anything else."""
+    if isinstance(part, Index):
+        return part.size
+    return len(part) if isinstance(part, list) else copy.deepcopy(part)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from typing import IO, Any, cast
 
@@ -16,10 +17,11 @@ from palpate_devices.mcap_blocks import add_messages
 from palpate_devices.mcap_index import keep_index_in
 from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack_messages
 
+# Choices.
 FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _FLUSH_FROM = 1 << 18  # [bytes]; a replay writes that much sooner, and a full disk costs no more of it
-_SYNC_EVERY = 1.0  # [s]; what a power cut can cost
-_TOGETHER = 1 << 14  # messages that are made at once
+_SYNC_EVERY = 1.0  # [s]; the most that a power cut costs
+_BLOCK = 1 << 14  # messages that are made at once, which bounds the memory
 _SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
 _PLACE = ("x", "y")
 
@@ -28,26 +30,26 @@ class LogRecorder:
     """The MCAP file of a run, open for writing; used by one thread at a time."""
 
     def __init__(self, file: LogFile, run: Run, index: IO[bytes]) -> None:
+        """Write the channels of a run, its facts and documents; the index of the chunks goes to a file of its own."""
         from mcap.writer import CompressionType, Writer
 
         self._file = file
         self._log: Any = Writer(cast(Any, file), compression=CompressionType.ZSTD)
         keep_index_in(self._log, index)
         self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
+        # Channels of raw streams, of samples, and of every track.
         self._schemas: dict[str, int] = {}
         self._streams: dict[tuple[str, str], tuple[int, Stream]] = {}
         for device, streams in run.streams.items():
             for stream in streams:
-                kind = STANDARD.get(stream.layout) or _own_type(device, stream)
-                topic = f"/{device}/{stream.name}" if stream.name else f"/{device}"
-                facts = {"palpate": json.dumps(_facts(device, stream))}
-                self._streams[device, stream.name] = self._channel(topic, kind, facts), stream
+                self._streams[device, stream.name] = self._raw_channel(device, stream), stream
         self._samples = self._channel("/palpate/samples", numbers_type("Samples", (*_SAMPLE_FIELDS, *_PLACE)))
         self._tracks = {}
         for track, parameters in run.tracks.items():
             names = [parameter.name for parameter in parameters]
-            kind = numbers_type(_type_name(track), _estimate_fields(names))
-            self._tracks[track] = self._channel(f"/palpate/estimates/{track}", kind)
+            estimate_type = numbers_type(_type_name(track), _estimate_fields(names))
+            self._tracks[track] = self._channel(f"/palpate/estimates/{track}", estimate_type)
+        # Facts and documents of the run; up to here the log is whole.
         self._log.add_metadata("palpate", {"schema": str(LOG_SCHEMA), **run.facts})
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
@@ -56,42 +58,55 @@ class LogRecorder:
         self._syncing: Thread | None = None
         self._unsynced: OSError | None = None
 
-    def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
-        if kind.name not in self._schemas:
-            self._schemas[kind.name] = self._log.register_schema(kind.name, "ros2msg", kind.definition.encode())
-        return int(self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {}))
+    def _raw_channel(self, device: str, stream: Stream) -> int:
+        """Add the channel of a device's stream, with the facts that a replay needs; return its number."""
+        message_type = STANDARD.get(stream.layout) or _own_type(device, stream)
+        topic = f"/{device}/{stream.name}" if stream.name else f"/{device}"
+        return self._channel(topic, message_type, {"palpate": json.dumps(_facts(device, stream))})
+
+    def _channel(self, topic: str, message_type: MessageType, facts: dict[str, str] | None = None) -> int:
+        """Add a channel, and its schema where that is new; return its number."""
+        name = message_type.name
+        if name not in self._schemas:
+            self._schemas[name] = self._log.register_schema(name, "ros2msg", message_type.definition.encode())
+        return int(self._log.register_channel(topic, "cdr", self._schemas[name], facts or {}))
 
     def mark(self, facts: Mapping[str, str]) -> None:
-        """What became of the run, as metadata."""
+        """Add facts of the run's outcome as metadata."""
         self._log.add_metadata("palpate result", dict(facts))
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings, as messages of their stream."""
+        """Add raw readings as messages of their stream."""
         channel, stream = self._streams[device, batch.stream]
         names = [entry.name for entry in stream.channels]
-        joints = tuple(names[: len(names) // 2]) if stream.layout == "joints" else ()
+        joints = tuple(names[: len(names) // 2]) if stream.layout == "joints" else ()  # angles, then as many speeds
         self._write(channel, batch.time, batch.received, stream.frame or device, batch.values, joints)
 
     def samples(self, samples: Samples) -> None:
-        """Aligned samples."""
+        """Add aligned samples."""
         columns = [np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS]
         numbers = np.column_stack([*columns, samples.lateral])
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
     def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: Floats) -> None:
-        """Estimates of samples with these stamps (n,) [ns] and places (n, 2) [m]."""
+        """Add estimates of samples with these stamps (n,) [ns] and places (n, 2) [m]."""
+        # In the order of `_estimate_fields`.
         columns = (
+            estimates.time,
+            estimates.values,
+            estimates.std,
             estimates.surface,
             estimates.surface_std,
             estimates.force,
             estimates.nis,
             estimates.status.astype(float),
+            lateral,
+            estimates.innovation,
         )
-        ends = (lateral, estimates.innovation)
-        whole = (estimates.time, estimates.values, estimates.std, *columns, *ends)
-        for begin in range(0, len(stamps), _TOGETHER):  # those of an offline estimator are of the whole record
-            rows = slice(begin, begin + _TOGETHER)
-            numbers = np.column_stack([column[rows] for column in whole])
+        # In blocks: those of an offline estimator are of the whole record.
+        for begin in range(0, len(stamps), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            numbers = np.column_stack([column[rows] for column in columns])
             self._write(self._tracks[track], stamps[rows], stamps[rows], "surface", numbers)
 
     def _write(
@@ -103,10 +118,11 @@ class LogRecorder:
         numbers: Floats,
         joints: tuple[str, ...] = (),
     ) -> None:
+        """Add a message for each stamp (n,) [ns] and row of numbers (n, k) to a channel, logged at times (n,) [ns]."""
         add_messages(self._log, channel, logged, stamps, pack_messages(stamps, frame, numbers, joints))
 
     def save(self) -> None:
-        """Flush, and sync, where it is time to."""
+        """Flush every 0.15 s, and sync every second in a thread; raises OSError, also that of the latest sync."""
         now = clock().now()
         if now - self._flushed < FLUSH_EVERY and self._file.unmarked() < _FLUSH_FROM:
             return
@@ -121,7 +137,7 @@ class LogRecorder:
             self._synced = now
 
     def _sync(self) -> None:
-        """A busy disk takes some 0.3 s for this, during which the writer must keep flushing."""
+        """Sync the file: a busy disk takes some 0.3 s for this, during which the writer must keep flushing."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
@@ -144,7 +160,7 @@ class LogRecorder:
 
 
 def _facts(device: str, stream: Stream) -> dict[str, Any]:
-    """What a replay must know of a stream and the messages do not state."""
+    """Return the facts of a stream that a replay needs and its messages do not state."""
     return {
         "schema": LOG_SCHEMA,
         "device": device,
@@ -159,16 +175,19 @@ def _facts(device: str, stream: Stream) -> dict[str, Any]:
 
 
 def _own_type(device: str, stream: Stream) -> MessageType:
+    """Return the type of a stream that has no standard message, named after device and stream."""
     name = "Setpoint" if stream.layout == "setpoint" else _type_name(f"{device} {stream.name}")
     return numbers_type(name, [channel.name for channel in stream.channels])
 
 
 def _type_name(text: str) -> str:
-    words = "".join(character if character.isalnum() else " " for character in text).split()
-    return "".join(word[:1].upper() + word[1:] for word in words) or "Numbers"
+    """Return a text as the name of a type: its letters and digits, each run of them capitalised."""
+    runs = re.findall(r"[^\W_]+", text)
+    return "".join(run[:1].upper() + run[1:] for run in runs) or "Numbers"
 
 
 def _estimate_fields(names: Sequence[str]) -> list[str]:
+    """Return the fields of a track's messages, for parameters of these names."""
     return [
         "time",
         *names,

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from typing import IO, Any
 
-_LENGTH = struct.Struct("<I")
+_LENGTH = struct.Struct("<I")  # [bytes] of a record, in front of it
 
 
 class _IndexRecord:
@@ -27,7 +27,7 @@ class Index:
         self._file = file
 
     def append(self, record: Any) -> None:
-        """Put a record away."""
+        """Append a record, in bytes, to the file."""
         from mcap.data_stream import RecordBuilder
 
         builder = RecordBuilder()
@@ -37,7 +37,7 @@ class Index:
 
     @property
     def size(self) -> int:
-        """How long it is [bytes]."""
+        """The size [bytes]."""
         return self._file.tell()
 
     def shorten(self, size: int) -> None:
@@ -52,7 +52,7 @@ class Index:
 
 
 def keep_index_in(writer: Any, file: IO[bytes]) -> None:
-    """Let a writer of the library keep its chunk index in a file instead of in memory; 1 MB in five minutes else.
+    """Let a writer of the library keep its chunk index in a file instead of in memory, 1 MB in five minutes.
 
     The library has no such setting. Where a version of it names its list otherwise, the index stays in memory.
     """

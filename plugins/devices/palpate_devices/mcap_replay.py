@@ -99,7 +99,7 @@ class McapReplay(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """True if the log is cut, or carries no checksums."""
+        """The log's trouble: that it is cut, carries no checksums, or has messages without a time."""
         trouble = (self._log.trouble,) if self._log.trouble else ()
         return (*trouble, *untimed_note(self._feeds, self.file.name))
 
@@ -123,7 +123,7 @@ class McapReplay(Recording):
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The open log."""
+        """Yield the open log."""
         if (height := self.attached(self.file).facts.get("lifted")) is not None:
             raise LogError(f"{self.file}: was recorded {height} above the specimen (--lift): nothing was palpated")
         yield LogLink(self._log, self._feeds, window(self._log, self.begin, self.end), str(self.file))
@@ -139,13 +139,19 @@ class McapReplay(Recording):
             raise LogError(self._cut_message())
         if self.signals:
             return described_feeds(self._log, self.signals, self.kinematics, self.time, str(self.file))
-        found = {name: usable for name, topic in topics.items() if (usable := _usable(topic)) is not None}
+        # Topics that need no mapping, and the tip by the joints.
+        usable = dict[str, _Usable]()
+        for name, topic in topics.items():
+            entry = _usable(topic)
+            if entry is not None:
+                usable[name] = entry
         tip = joint_feeds(self._log, self.kinematics, self.time, str(self.file))[0] if self.kinematics else []
         if self.topics:
-            return distinct([*self._named(found), *tip], str(self.file))
-        return tip if tip and not found else distinct([*self._all(found), *tip], str(self.file))
+            return distinct([*self._named(usable), *tip], str(self.file))
+        return tip if tip and not usable else distinct([*self._all(usable), *tip], str(self.file))
 
     def _cut_message(self) -> str:
+        """Return the error of a log without its end, with how much of it is whole."""
         count, duration = count_messages(self.file)
         if not count:
             return f"{self.file}: the log is cut: it has no end, and nothing in it is undamaged"
@@ -154,28 +160,31 @@ class McapReplay(Recording):
             "whole; set accept_cut = true to use them"
         )
 
-    def _named(self, found: Mapping[str, _Usable]) -> list[TopicFeed]:
+    def _named(self, usable: Mapping[str, _Usable]) -> list[TopicFeed]:
+        """Return the topics that are named, as streams of those names; raises LogError."""
         feeds = []
         for name, topic in self.topics.items():
-            if topic not in found:
-                known = "needs signals that map it" if topic in self._log.topics else "is not in the log"
-                raise LogError(f"{self.file}: topic {topic!r} of {name!r} {known} (there are: {', '.join(found)})")
-            feed = found[topic].feed
+            if topic not in usable:
+                reason = "needs signals that map it" if topic in self._log.topics else "is not in the log"
+                raise LogError(f"{self.file}: topic {topic!r} of {name!r} {reason} (there are: {', '.join(usable)})")
+            feed = usable[topic].feed
             feeds.append(replace(feed, stream=replace(feed.stream, name=name)))
         return feeds
 
-    def _all(self, found: Mapping[str, _Usable]) -> list[TopicFeed]:
-        raw = {topic: entry for topic, entry in found.items() if not topic.startswith("/palpate/")}
+    def _all(self, usable: Mapping[str, _Usable]) -> list[TopicFeed]:
+        """Return every usable topic that is a measurement, of one device where it is stated; raises LogError."""
+        raw = {topic: entry for topic, entry in usable.items() if not topic.startswith("/palpate/")}
         if self.recorded is not None:
             raw = {topic: entry for topic, entry in raw.items() if entry.device == self.recorded}
         if not raw:
-            there = ", ".join(self._log.topics) or "none"
-            raise LogError(f"{self.file}: no topic can be used without signals that map it (there are: {there})")
-        names = [entry.feed.stream.name for entry in raw.values()]
-        repeated = [name for name, count in Counter(names).items() if count > 1]
-        if repeated:
-            rivals = ", ".join(topic for topic, entry in raw.items() if entry.feed.stream.name == repeated[0])
-            raise LogError(f"{self.file}: several topics could be {repeated[0]!r}: {rivals}; name them in topics")
+            topics = ", ".join(self._log.topics) or "none"
+            raise LogError(f"{self.file}: no topic can be used without signals that map it (there are: {topics})")
+        # Streams need distinct names.
+        names = Counter(entry.feed.stream.name for entry in raw.values())
+        for name, count in names.items():
+            if count > 1:
+                rivals = ", ".join(topic for topic, entry in raw.items() if entry.feed.stream.name == name)
+                raise LogError(f"{self.file}: several topics could be {name!r}: {rivals}; name them in topics")
         return [entry.feed for entry in raw.values()]
 
     @classmethod
@@ -213,20 +222,21 @@ def _usable(topic: Topic) -> _Usable | None:
     """Return a topic as a stream if it is a header, or nothing, followed by float64 numbers."""
     if (topic.encoding, topic.schema_encoding) != ("cdr", "ros2msg"):
         return None
-    kind = message_type(topic.type, topic.schema.decode(errors="replace"))
-    if kind is None:
+    numbers = message_type(topic.type, topic.schema.decode(errors="replace"))
+    if numbers is None:
         return None
     facts = _facts(topic)
     try:
-        if kind is JOINTS:  # of those that others recorded only a mapping knows which they are
-            kind = joint_type(facts["channels"])
-        stream = _stream(topic, kind, facts)
-        return _Usable(raw_feed(topic, stream, kind.paths or kind.fields), facts.get("device"))
+        if numbers is JOINTS:  # of those that others recorded only a mapping knows which they are
+            numbers = joint_type(facts["channels"])
+        stream = _stream(topic, numbers, facts)
+        return _Usable(raw_feed(topic, stream, numbers.paths or numbers.fields), facts.get("device"))
     except (LogError, KeyError, TypeError, ValueError):  # metadata that are not ours
         return None
 
 
 def _facts(topic: Topic) -> dict[str, Any]:
+    """Return the facts that palpate recorded of a topic, else none; raises LogError for those of a newer version."""
     try:
         facts = json.loads(topic.metadata.get("palpate", "{}"))
     except ValueError:
@@ -234,20 +244,24 @@ def _facts(topic: Topic) -> dict[str, Any]:
     if not isinstance(facts, dict):
         return {}
     if facts.get("schema", LOG_SCHEMA) != LOG_SCHEMA:
-        what = f"topic {topic.name} was recorded by a newer palpate, with schema {facts['schema']}"
-        raise LogError(f"{what}; this one reads up to {LOG_SCHEMA}: update it")
+        raise LogError(
+            f"topic {topic.name} was recorded by a newer palpate, with schema {facts['schema']}; this one reads up to "
+            f"{LOG_SCHEMA}: update it"
+        )
     return facts
 
 
-def _stream(topic: Topic, kind: MessageType, facts: Mapping[str, Any]) -> Stream:
-    units = facts.get("units") or UNITS.get(kind.name, ("1",) * len(kind.fields))
-    limits = facts.get("limits") or [None] * len(kind.fields)
-    channels = tuple(
-        Channel(name, unit, tuple(limit) if limit else None)
-        for name, unit, limit in zip(kind.fields, units, limits, strict=True)
-    )
+def _stream(topic: Topic, numbers: MessageType, facts: Mapping[str, Any]) -> Stream:
+    """Return the stream of a topic by the facts that were recorded with it, else by the type of its messages."""
+    fields = numbers.fields
+    units = facts.get("units") or UNITS.get(numbers.name, ("1",) * len(fields))
+    limits = facts.get("limits") or [None] * len(fields)
+    channels = []
+    for field, unit, limit in zip(fields, units, limits, strict=True):
+        channels.append(Channel(field, unit, tuple(limit) if limit else None))
     name = facts.get("stream", topic.name.rsplit("/", 1)[-1])
-    return Stream(name, channels, facts.get("rate"), facts.get("layout", "columns"), "log", facts.get("frame", ""))
+    rate, layout, frame = facts.get("rate"), facts.get("layout", "columns"), facts.get("frame", "")
+    return Stream(name, tuple(channels), rate, layout, "log", frame)
 
 
 def _has_simulation(pipeline: str) -> bool:
@@ -257,6 +271,10 @@ def _has_simulation(pipeline: str) -> bool:
     except ValueError:
         return False
     devices = tables.values() if isinstance(tables, dict) else ()
-    types = [table.get("type") for table in devices if isinstance(table, dict)]
-    entries = [entry for kind in types if (entry := registry.load().parts["device"].get(str(kind))) is not None]
-    return any(entry.problem is None and hasattr(entry.part, "truth") for entry in entries)
+    for table in devices:
+        if not isinstance(table, dict):
+            continue
+        entry = registry.load().parts["device"].get(str(table.get("type")))
+        if entry is not None and entry.problem is None and hasattr(entry.part, "truth"):
+            return True
+    return False

@@ -17,7 +17,8 @@ from pydantic import Field
 from palpate_devices.log_file import LogFile
 from palpate_devices.log_recorder import FLUSH_EVERY, LogRecorder
 
-_WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
+_MAX_WAITING = 256  # pieces of work, a choice; a replay that is faster than the disk waits for it here
+_SECOND = 1e9  # [ns]
 
 
 class McapSink(Sink):
@@ -33,7 +34,7 @@ class McapSink(Sink):
 
     @contextmanager
     def open(self, run: Run) -> Iterator[Writer]:
-        """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
+        """Yield a writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
         path = run.folder / self.file
         try:
             with path.open("xb", buffering=0) as file, tempfile.TemporaryFile() as index:
@@ -47,48 +48,50 @@ class McapSink(Sink):
 
 
 def _unwritten(path: Path | str, error: OSError) -> OutputError:
+    """Return the error of a log that cannot be written."""
     return OutputError(f"sink mcap: cannot write {path}: {error.strerror or error}")
 
 
 class _LogWriter:
-    """Hands everything to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
+    """A queue to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
 
     def __init__(self, log: LogRecorder, path: str) -> None:
         self._log, self._path = log, path
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self._lateral: Floats = np.zeros((0, 2))
         self._begin = 0  # [ns] stamp of the time 0 of samples and estimates
-        self._waiting = clock().queue(_WAITING)  # of calls; None is the last
+        self._waiting = clock().queue(_MAX_WAITING)  # of calls; None is the last
         self._failure: Exception | None = None
         self._thread = clock().thread(self._work, "mcap sink")
         self._thread.start()
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings."""
+        """Write raw readings."""
         self._put(lambda: self._log.batch(device, batch))
 
     def samples(self, samples: Samples) -> None:
-        """Aligned samples."""
+        """Write aligned samples."""
         self._stamps, self._lateral = samples.stamp, samples.lateral
         if len(samples):
-            self._begin = int(samples.stamp[0]) - round(float(samples.time[0]) * 1e9)
+            self._begin = int(samples.stamp[0]) - round(float(samples.time[0]) * _SECOND)
         self._put(lambda: self._log.samples(samples))
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Estimates of the latest samples, or of all of them."""
+        """Write estimates of the latest samples, or of all of them."""
         stamps, lateral = self._stamps, self._lateral
         if len(stamps) != len(estimates):  # an offline estimator: all samples at once
-            stamps = self._begin + np.rint(estimates.time * 1e9).astype(np.int64)
+            stamps = self._begin + np.rint(estimates.time * _SECOND).astype(np.int64)
             lateral = np.broadcast_to(np.nan, (len(estimates), 2))
         self._put(lambda: self._log.estimates(track, estimates, stamps, lateral))
 
     def result(self, table: Mapping[str, Any]) -> None:
-        """Until when there are estimates of the record, where they do not go to its end."""
+        """Write the time of the last estimate where the estimates do not reach the end of the record."""
         until = table["run"].get("live", {}).get("estimates", {}).get("until")
         if until is not None:
             self._put(lambda: self._log.mark({"estimated_until": f"{until:.6f}"}))
 
     def _put(self, work: Callable[[], None] | None) -> None:
+        """Queue a piece of work, and wait while the queue is full; raises what the thread has met."""
         if self._failure is not None:
             raise self._failure
         self._waiting.put(work)
@@ -107,6 +110,7 @@ class _LogWriter:
             raise
 
     def _work(self) -> None:
+        """Do what is queued until the end, and keep the log saved where nothing is; keep the first failure."""
         while True:
             try:
                 work = self._waiting.get(timeout=FLUSH_EVERY)
@@ -126,4 +130,4 @@ class _LogWriter:
 
 
 def _nothing() -> None:
-    """No work: only the clock moves on."""
+    """Do no work: only the clock moves on."""

@@ -17,8 +17,11 @@ from palpate import Floats
 from palpate_records.messages.topics import column
 
 _SECOND = 1_000_000_000  # [ns]
+# CDR (OMG DDS-RTPS): encapsulation, alignment counted from behind it, and sizes.
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-_SEPARATOR = "\n" + "=" * 80 + "\n"
+_WORD, _DOUBLE = 4, 8  # bytes of an integer and of a float64, each aligned to its size
+_SECONDS_AT, _NANOSECONDS_AT = 4, 8  # bytes: the stamp is a message's first field
+_SEPARATOR = "\n" + "=" * 80 + "\n"  # of definitions, by rosbag2
 _TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
 _HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
 _VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
@@ -31,10 +34,11 @@ class MessageType:
     name: str
     definition: str
     fields: tuple[str, ...]
-    paths: tuple[str, ...] = ()  # where they are in a message; empty: the fields themselves
+    paths: tuple[str, ...] = ()  # of its numbers in a message; empty: the fields themselves
 
 
 def _composed(*parts: str) -> str:
+    """Return a definition with those of the types that it contains."""
     return _SEPARATOR.join([*parts, _HEADER, _TIME])
 
 
@@ -90,7 +94,7 @@ def numbers_type(name: str, fields: Sequence[str]) -> MessageType:
 
 
 def joint_type(channels: Sequence[str]) -> MessageType:
-    """JointState with these channels: the angle of each joint under its name, then as many speeds."""
+    """Return JointState with these channels: the angle of each joint under its name, then as many speeds."""
     count = len(channels) // 2
     paths = [f"{part}[{i}]" for part in ("position", "velocity") for i in range(count)]
     return replace(JOINTS, fields=tuple(channels), paths=tuple(paths))
@@ -103,17 +107,19 @@ def message_type(schema_name: str, definition: str) -> MessageType | None:
     for standard in STANDARD.values():
         if standard.name == name:
             return standard
+    # Fields as (type, name), without comments and the definitions of other types.
     lines = [line.split("#")[0].split() for line in definition.split("\n===")[0].splitlines()]
-    fields = [words for words in lines if words]
+    fields = [line for line in lines if line]
     if not fields or fields[0][0] not in ("std_msgs/Header", "std_msgs/msg/Header"):
         return None
-    if any(len(words) != 2 or words[0] != "float64" for words in fields[1:]):
+    numbers = fields[1:]
+    if any(len(field) != 2 or field[0] != "float64" for field in numbers):
         return None
-    return MessageType(name, definition, tuple(words[1] for words in fields[1:]))
+    return MessageType(name, definition, tuple(field[1] for field in numbers))
 
 
 def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> list[bytes]:
-    """One CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles and then speeds."""
+    """Return a CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles, then speeds."""
     messages = pack_messages(stamps, frame, numbers, joints)
     raw, size = messages.tobytes(), messages.shape[1]
     return [raw[start : start + size] for start in range(0, len(raw), size)]
@@ -123,45 +129,58 @@ def pack_messages(
     stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()
 ) -> NDArray[np.uint8]:
     """Return the messages of `pack` in one array (n, bytes)."""
+    # Copies of the template, with the stamp of each.
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))
-    column(messages, 4, "<i4")[:], column(messages, 8, "<u4")[:] = stamps // _SECOND, stamps % _SECOND
+    column(messages, _SECONDS_AT, "<i4")[:] = stamps // _SECOND
+    column(messages, _NANOSECONDS_AT, "<u4")[:] = stamps % _SECOND
+    # The numbers, run by run.
     begin = 0
     for offset, count in runs:
         run = np.ascontiguousarray(numbers[:, begin : begin + count], "<f8")
-        messages[:, offset : offset + 8 * count] = run.view(np.uint8)
+        messages[:, offset : offset + _DOUBLE * count] = run.view(np.uint8)
         begin += count
     return messages
 
 
 @cache
 def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, tuple[tuple[int, int], ...]]:
-    """Return a message whose stamp and numbers are 0, and the runs of its numbers: offset and how many."""
-    data = bytearray(_LITTLE_ENDIAN + bytes(8))
-    runs = []
-
-    def whole(number: int) -> None:
-        data.extend(bytes(-len(data) % 4) + number.to_bytes(4, "little"))
-
-    def text(words: str) -> None:
-        raw = words.encode() + b"\0"
-        whole(len(raw))
-        data.extend(raw)
-
-    def zeros(count: int) -> None:
-        data.extend(bytes(-(len(data) - 4) % 8))
-        runs.append((len(data), count))
-        data.extend(bytes(8 * count))
-
-    text(frame)
+    """Return a message whose stamp and numbers are 0, and the runs of its numbers: offset [bytes] and count."""
+    message = _Template()
+    message.add_text(frame)
     if not joints:
-        zeros(count)
-        return bytes(data), tuple(runs)
-    whole(len(joints))
+        message.add_numbers(count)
+        return bytes(message.data), tuple(message.runs)
+    # JointState: names, and three arrays with their counts.
+    message.add_integer(len(joints))
     for joint in joints:
-        text(joint)
-    for _ in range(2):
-        whole(len(joints))
-        zeros(len(joints))
-    whole(0)  # no efforts
-    return bytes(data), tuple(runs)
+        message.add_text(joint)
+    for _ in ("position", "velocity"):
+        message.add_integer(len(joints))
+        message.add_numbers(len(joints))
+    message.add_integer(0)  # no efforts
+    return bytes(message.data), tuple(message.runs)
+
+
+class _Template:
+    """A message in CDR that grows field by field: encapsulation and a stamp of 0 to begin with."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(_LITTLE_ENDIAN + bytes(2 * _WORD))
+        self.runs: list[tuple[int, int]] = []  # of numbers: offset [bytes] and count
+
+    def add_integer(self, number: int) -> None:
+        """Append an unsigned integer, aligned."""
+        self.data.extend(bytes(-len(self.data) % _WORD) + number.to_bytes(_WORD, "little"))
+
+    def add_text(self, text: str) -> None:
+        """Append a string: its size with the closing zero, and its bytes."""
+        encoded = text.encode() + b"\0"
+        self.add_integer(len(encoded))
+        self.data.extend(encoded)
+
+    def add_numbers(self, count: int) -> None:
+        """Append a run of float64 that are 0, aligned."""
+        self.data.extend(bytes(-(len(self.data) - len(_LITTLE_ENDIAN)) % _DOUBLE))
+        self.runs.append((len(self.data), count))
+        self.data.extend(bytes(_DOUBLE * count))

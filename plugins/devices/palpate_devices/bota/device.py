@@ -14,6 +14,12 @@ from pydantic import AfterValidator, Field, field_validator
 from palpate_devices.bota.reader import BotaReader
 from palpate_devices.bota.sensor_setup import BAUD_RATES
 
+_SINC_RATE = 51200.0  # [Hz], the maker's: readings per second times the sinc length
+_SINC_DELAY = 1.5  # sinc lengths: a filter of third order averages three times, each by half a length
+_CUTOFF, _CUTOFF_SINC = 189.0, 64.0  # [Hz] at a sinc length, the maker's: falls as the sinc length grows
+_LOW_PASS_DELAY = 0.5  # periods of the cut-off, an estimate: the maker gives no delay
+_GRACE = 15.0  # [s], a choice: for the set-up, whose four commands may take twice 2 s each
+
 
 class BotaSensor(Device):
     """A Bota SensONE with its serial interface (RS-422 or USB, 460800 baud), by pyserial.
@@ -56,7 +62,7 @@ class BotaSensor(Device):
     @property
     def streams(self) -> tuple[Stream, ...]:
         """The wrench; status bits and temperature."""
-        rate = 51200.0 / self.sinc
+        rate = _SINC_RATE / self.sinc
         status = (Channel("bits", "1"), Channel("temperature", "degC"))
         return (
             wrench_stream(rate, self.force_limit, self.filter_delay),
@@ -65,12 +71,12 @@ class BotaSensor(Device):
 
     @property
     def filter_delay(self) -> float:
-        """What its filters hold a reading back by [s], nominally: a sinc filter of third order, and the low-pass one.
+        """The nominal delay of a reading by its filters [s]: a sinc filter of third order, and the low-pass one.
 
         The maker gives no delay; these follow from the length of the one and the cut-off frequency of the other.
         """
-        sinc = 1.5 * self.sinc / 51200.0
-        return sinc + (0.5 / (189.0 * 64.0 / self.sinc) if self.fir else 0.0)
+        sinc_delay = _SINC_DELAY * self.sinc / _SINC_RATE
+        return sinc_delay + (_LOW_PASS_DELAY / (_CUTOFF * _CUTOFF_SINC / self.sinc) if self.fir else 0.0)
 
     @property
     def shared_streams(self) -> tuple[str, ...]:
@@ -84,6 +90,6 @@ class BotaSensor(Device):
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """Return the sensor, set up and streaming."""
-        start = self.boot + self.settle + 15.0
+        start = self.boot + self.settle + _GRACE
         name = f"bota at {self.port}"
         return SensorProcess(name, BotaReader, self.streams, self.model_dump(), self.sensor_timeout, start).link()

@@ -15,22 +15,25 @@ from palpate_kit.protocols.bota_frames import THROTTLED, UNUSABLE, Frame, FrameD
 from palpate_devices.bota.sensor_setup import configure, latency_timer, powered_since, stop_stream
 
 _REBOOT_TEXTS = (b"App Init", b"FW version")
-_INVALID = (math.nan,) * 6
+_INVALID = (math.nan,) * 6  # three forces, three torques
+# Choices.
 _SHORTEST_BOOT = 0.5  # [s] without frames: a sensor that starts needs seconds, and no reader waits so long for nothing
 _LONGEST_BACK = 60.0  # [s] that frames may be late, or a clock be set back by
+_CHUNK = 1 << 16  # bytes that are read at once
+_MICROSECOND = 1000  # [ns]
 
 
 class BotaReader(SensorReader):
     """The frames of a SensONE, whose clock counts microseconds."""
 
-    tick: ClassVar[int] = 1000
+    tick: ClassVar[int] = _MICROSECOND
     counters: ClassVar[tuple[str, ...]] = ("damaged", "skipped_bytes")
     status_bits: ClassVar[Mapping[str, int]] = {"throttled": THROTTLED}
 
     def open(self) -> Any:
-        """Its serial port; opening it resets the sensor."""
+        """Return its serial port; opening it resets the sensor."""
         self._decoder, self._stamps = FrameDecoder(), TimestampUnwrapper()
-        self._heard = clock().now()  # [s] when the last frame came
+        self._last_arrival = clock().now()  # [s] of a frame
         return host().serial_port(self.settings["port"], self.settings["baud"])
 
     def start(self, line: Any) -> Mapping[str, Any]:
@@ -53,10 +56,11 @@ class BotaReader(SensorReader):
         return map(self._reading, frames)
 
     def _reading(self, frame: Frame) -> Reading:
+        """Return a frame as a reading; raises DeviceError where the sensor's clock does not go on."""
         stamp, now = self._stamps.add(frame.stamp), clock().now()
         if stamp is None:
-            raise DeviceError(clock_problem(self._stamps.backwards(frame.stamp), now - self._heard))
-        self._heard = now
+            raise DeviceError(clock_problem(self._stamps.backwards(frame.stamp), now - self._last_arrival))
+        self._last_arrival = now
         wrench = _INVALID if frame.status & UNUSABLE else frame.wrench  # other processes see the reading, too
         return Reading([*wrench, float(frame.status), frame.temperature], stamp)
 
@@ -80,6 +84,6 @@ def clock_problem(backwards: float, pause: float) -> str:
 def _settle(line: Any, duration: float) -> None:
     """Drop what arrives for a duration [s], and what then waits: it arrived too late for the clock."""
     deadline = clock().now() + duration
-    while (rest := deadline - clock().now()) > 0 or clock().wait([line.fileno()], 0.0):
-        if clock().wait([line.fileno()], max(rest, 0.0)) and not os.read(line.fileno(), 65536):
+    while (remaining := deadline - clock().now()) > 0 or clock().wait([line.fileno()], 0.0):
+        if clock().wait([line.fileno()], max(remaining, 0.0)) and not os.read(line.fileno(), _CHUNK):
             raise DeviceError("the sensor is disconnected")

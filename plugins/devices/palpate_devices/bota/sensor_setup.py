@@ -11,13 +11,18 @@ from typing import Any
 
 from palpate import DeviceError, clock
 
+# Choices.
 _ACKNOWLEDGE = 2.0  # [s]; a firmware that waits for silence after a command takes its time
 _ATTEMPTS = 2
-BAUD_RATES = (9600, 57600, 115200, 230400, 460800)  # by their codes
+_CHUNK = 1 << 16  # bytes that are read at once
+_MAX_KEPT = (
+    8192  # bytes of what came before a chunk, in which a pattern may begin; a wrong baud rate sends endless noise
+)
+BAUD_RATES = (9600, 57600, 115200, 230400, 460800)  # in the order of the sensor's codes for them
 
 
 def latency_timer(path: str) -> str:
-    """What the USB adapter waits before it passes bytes on; "1 ms" is required, 16 ms the usual default."""
+    """Return how long the USB adapter waits before it passes bytes on: "1 ms" is required, 16 ms the usual default."""
     name = Path(path).resolve().name
     timer = Path("/sys/bus/usb-serial/devices") / name / "latency_timer"
     try:
@@ -27,7 +32,8 @@ def latency_timer(path: str) -> str:
 
 
 def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
-    """Since when the USB adapter of a port is plugged in, as its host counts; None where that is not known."""
+    """Return since when the USB adapter of a port is plugged in, by its host; None where that is not known."""
+    # The nearest folder above the port's device that counts, in milliseconds.
     device = (usb / Path(path).resolve().name / "device").resolve()
     for folder in (device, *device.parents):
         with contextlib.suppress(OSError, ValueError):
@@ -37,21 +43,20 @@ def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:
-    """Take a sensor from its start to RUN with the given filters; returns what it reported of itself.
+    """Take a sensor from its start to RUN with these filters; return its report of itself.
 
     Opening the port has reset it. Nothing is stored in its EEPROM, whose writes are counted: after a reboot it is to
     be set up again.
     """
+    # To CONFIG, interface and filters, and to RUN.
     greeting = _read_until(port, rb"FW version: [^\r\n]*[\r\n]", boot)
     compensation, fir = int(filters["temperature_compensation"]), int(not filters["fir"])
     _command(port, "C", "C", baud)
     _command(port, f"c,{compensation},1,0,{BAUD_RATES.index(baud)}", "c", baud)
     _command(port, f"f,{filters['sinc']},0,{int(filters['fast'])},{fir}", "f", baud)
     _command(port, "R", "R", baud)
-    texts = [
-        match.decode(errors="replace").strip() for match in re.findall(rb"(?:name|S/N|FW version): [ -~]*", greeting)
-    ]
-    return "; ".join(texts)
+    lines = re.findall(rb"(?:name|S/N|FW version): [ -~]*", greeting)
+    return "; ".join(line.decode(errors="replace").strip() for line in lines)
 
 
 def stop_stream(port: Any) -> None:
@@ -61,29 +66,33 @@ def stop_stream(port: Any) -> None:
 
 
 def _command(port: Any, text: str, letter: str, baud: int) -> None:
+    """Send a command, again where no answer comes, and wait for its acknowledgement; raises DeviceError.
+
+    The sensor answers ``r,0,LETTER,CODE``: code 0 is done, any other a refusal.
+    """
     answer = b""
     for _ in range(_ATTEMPTS):
         port.write(text.encode() + b"\n")
         answer = _read_until(port, rb"r,0,%s,\d" % letter.encode(), _ACKNOWLEDGE)
-        found = re.search(rb"r,0,%s,(\d)" % letter.encode(), answer)
-        if found and found[1] == b"0":
+        acknowledgement = re.search(rb"r,0,%s,(\d)" % letter.encode(), answer)
+        if acknowledgement and acknowledgement[1] == b"0":
             return
-        if found:
-            raise DeviceError(f"the sensor refuses the command {text!r} with code {found[1].decode()}")
-    seen = "nothing at all" if not answer else f"{len(answer)} bytes that contain no answer"
+        if acknowledgement:
+            raise DeviceError(f"the sensor refuses the command {text!r} with code {acknowledgement[1].decode()}")
+    arrived = "nothing at all" if not answer else f"{len(answer)} bytes that contain no answer"
     raise DeviceError(
-        f"the sensor does not answer {text!r} within {_ATTEMPTS * _ACKNOWLEDGE:g} s: {seen} came at {baud} baud; "
+        f"the sensor does not answer {text!r} within {_ATTEMPTS * _ACKNOWLEDGE:g} s: {arrived} came at {baud} baud; "
         "check power, cable and the baud rate that the sensor was set to"
     )
 
 
 def _read_until(port: Any, pattern: bytes, timeout: float) -> bytes:
-    """What comes until a pattern has come, or for as long as the time-out [s]."""
+    """Return what arrives until a pattern has come, or until the time-out [s]; raises DeviceError."""
     data, deadline = b"", clock().now() + timeout
-    while not re.search(pattern, data) and (rest := deadline - clock().now()) > 0:
-        if clock().wait([port.fileno()], rest):
-            chunk = os.read(port.fileno(), 65536)
+    while not re.search(pattern, data) and (remaining := deadline - clock().now()) > 0:
+        if clock().wait([port.fileno()], remaining):
+            chunk = os.read(port.fileno(), _CHUNK)
             if not chunk:
                 raise DeviceError("the port was closed from the other side")
-            data = data[-8192:] + chunk
+            data = data[-_MAX_KEPT:] + chunk
     return data

@@ -13,6 +13,8 @@ from pydantic import Field
 
 from palpate_devices.rdt.reader import RdtReader
 
+_GRACE = 5.0  # [s], a choice: for the process itself to start, on top of the wait for the first reading
+
 
 class RdtSensor(Device):
     """ATI's Net F/T box or OnRobot's HEX, by UDP.
@@ -59,4 +61,4 @@ class RdtSensor(Device):
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """Return the sensor, streaming."""
         name, settings = f"rdt at {self.host}", self.model_dump()
-        return SensorProcess(name, RdtReader, self.streams, settings, self.sensor_timeout, self.boot + 5.0).link()
+        return SensorProcess(name, RdtReader, self.streams, settings, self.sensor_timeout, self.boot + _GRACE).link()

@@ -12,9 +12,11 @@ from palpate_kit.acquisition.computer import host
 from palpate_kit.acquisition.sensor_reader import Reading, SensorReader
 from palpate_kit.protocols.rdt_packets import PERIOD, REPLY, STOP, STREAM, missing_readings, request
 
-_ONROBOT = 1e4, 1e5  # counts per newton and per newton metre
-_INVALID = (math.nan,) * 6
-_MOST_LOST = 1000  # readings; a larger jump of their numbers is a restart
+_ONROBOT = 1e4, 1e5  # counts per newton and per newton metre, of OnRobot's boxes
+_MILLISECOND = 1e3  # per second; the unit of a box's period
+_INVALID = (math.nan,) * 6  # three forces, three torques
+_MAX_LOST = 1000  # readings, a choice: one second by default; a larger jump of their numbers is a restart
+_BUFFER = 256  # bytes: more than a packet has, so that one of another size is noticed
 
 
 class RdtReader(SensorReader):
@@ -25,7 +27,7 @@ class RdtReader(SensorReader):
     def open(self) -> socket.socket:
         """Return a socket for datagrams."""
         settings = self.settings
-        self._before: int | None = None
+        self._sequence: int | None = None  # of the latest reading
         ati = settings["counts_per_force"], settings["counts_per_torque"]
         force, torque = _ONROBOT if settings["box"] == "onrobot" else ati
         self._scale = (*(force,) * 3, *(torque,) * 3)
@@ -34,7 +36,7 @@ class RdtReader(SensorReader):
     def start(self, line: socket.socket) -> Mapping[str, Any]:
         """Ask for readings, and wait for the first."""
         if self.settings["box"] == "onrobot":
-            line.send(request(PERIOD, round(1e3 / self.settings["rate"])))
+            line.send(request(PERIOD, round(_MILLISECOND / self.settings["rate"])))
         line.send(request(STREAM))
         boot = self.settings["boot"]
         if not clock().wait([line], boot):
@@ -44,19 +46,20 @@ class RdtReader(SensorReader):
 
     def read(self, line: socket.socket) -> Iterable[Reading]:
         """Return the reading of one packet, unless an older one overtook it."""
-        data = line.recv(256)
+        data = line.recv(_BUFFER)
         if len(data) != REPLY.size:
             return ()
         sequence, _, status, *counts = REPLY.unpack(data)
-        lost = missing_readings(self._before, sequence)
+        # Their numbers show readings that were lost, or overtaken.
+        lost = missing_readings(self._sequence, sequence)
         if lost < 0:
             self.counts["out_of_order"] += 1
             return ()
-        if lost > _MOST_LOST:
+        if lost > _MAX_LOST:
             raise DeviceError(f"the sensor's numbers jump by {lost}: it was restarted, and its zero reset")
         self.counts["lost"] += lost
-        self._before = sequence
-        wrench = _INVALID if status else [n / per for n, per in zip(counts, self._scale, strict=True)]
+        self._sequence = sequence
+        wrench = _INVALID if status else [count / scale for count, scale in zip(counts, self._scale, strict=True)]
         return (Reading((*wrench, status, sequence)),)
 
     def stop(self, line: socket.socket) -> None:

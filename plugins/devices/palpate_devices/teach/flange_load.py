@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _MIN_SPREAD = 0.5  # second singular value of the directions of gravity, about their mean
 _MAX_UNEXPLAINED = 2.0  # [N] root mean square of what a weight does not explain
 _WEIGHT_SIGMAS, _MIN_MASS = 3, 1e-3  # standard deviations, and [kg], from which on a weight was felt
+_GRAMS = 1e3  # per kilogram
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
     convention. Raises ConfigurationError where the orientations are too much alike, or where something else than weight
     was felt.
     """
+    # Gravity in the flange's frame, whose directions have to span a plane about their mean: else offset is weight.
     gravity = np.array([posture.flange[:3, :3].T @ [0.0, 0.0, -GRAVITY] for posture in postures])
     wrench = np.array([posture.wrench for posture in postures])
     spread = np.linalg.svd((gravity - gravity.mean(axis=0)) / GRAVITY, compute_uv=False)
@@ -45,6 +47,7 @@ def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
             "the orientations are too much alike to weigh what hangs at the flange: tool down, then level, then level "
             "and turned about its own axis by 90 deg"
         )
+    # Mass from the forces, whose sign is the sensor's.
     (signed_mass, *_), (std, *_), unexplained = _solve_with_offset(gravity[:, :, None], wrench[:, :3])
     if unexplained > _MAX_UNEXPLAINED:
         raise ConfigurationError(
@@ -53,8 +56,9 @@ def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
         )
     if abs(signed_mass) < max(_WEIGHT_SIGMAS * std, _MIN_MASS):
         raise ConfigurationError(
-            f"the flange felt no weight ({1e3 * signed_mass:.0f} g +- {1e3 * std:.0f} g): is ft_raw_wrench sent?"
+            f"the flange felt no weight ({_GRAMS * signed_mass:.0f} g +- {_GRAMS * std:.0f} g): is ft_raw_wrench sent?"
         )
+    # Centre of mass from the torques.
     torque_by_centre = np.array([_torque_matrix(signed_mass * g) for g in gravity])
     centre, centre_std, _ = _solve_with_offset(torque_by_centre, wrench[:, 3:])
     return FlangeLoad(abs(signed_mass), std, centre, float(np.max(centre_std)))

@@ -16,6 +16,7 @@ Edit = Mapping[str, Any]  # keys of a device's table, tables among them
 
 def edited_text(text: str, device: str, changes: Edit) -> str:
     """Return the text of a pipeline with other settings of a device; raises ConfigurationError."""
+    # The device's table, in a document that keeps comments and order.
     try:
         document = tomlkit.parse(text)
         tables: Any = document
@@ -34,15 +35,19 @@ def edited_text(text: str, device: str, changes: Edit) -> str:
 
 
 def write_pipeline(file: Path, text: str, out: Path | None) -> Path | None:
-    """Write a text to a new file, or over the pipeline: where the former one is kept then. Raises OutputError."""
+    """Write a text to a new file, or over the pipeline; return the copy of the former one. Raises OutputError."""
     if out is not None:
         write_new(out, text)
         return None
-    kept = next(path for n in range(1000) if not (path := file.with_name(f"{file.name}.{n or 'before'}")).exists())
+    # The first name that is not taken: FILE.before, FILE.1, FILE.2 ...
+    copy, number = file.with_name(f"{file.name}.before"), 0
+    while copy.exists():
+        number += 1
+        copy = file.with_name(f"{file.name}.{number}")
     try:
         former = file.read_bytes()
     except OSError as error:
         raise OutputError(f"{file}: cannot read: {error.strerror}") from error
-    write_whole(kept, former)
+    write_whole(copy, former)
     write_whole(file, text)
-    return kept
+    return copy

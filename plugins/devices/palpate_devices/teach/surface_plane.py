@@ -16,6 +16,7 @@ _MIN_HEIGHT_SHARE = 0.1  # of its longest side, that a triangle is high
 _MAX_TILT = math.radians(30.0)  # between the tool and the normal
 _SMALLEST_SINE = 1e-9  # between two axes, below which they are parallel
 _SMALLEST_LENGTH = 1e-12  # [m] in a quotient, in place of 0
+_MM = 1e3  # per metre
 _UP = np.array([0.0, 0.0, 1.0])  # the z of the base
 
 
@@ -40,9 +41,10 @@ class SurfacePlane:
         min_height = max(_MIN_DISTANCE, _MIN_HEIGHT_SHARE * longest)
         if height < min_height:
             raise ConfigurationError(
-                f"the three points lie on one line, or nearly so: one of them is {1e3 * height:.1f} mm from the line "
-                f"of the others, and at least {1e3 * min_height:.1f} mm are needed: touch a triangle"
+                f"the three points lie on one line, or nearly so: one of them is {_MM * height:.1f} mm from the line "
+                f"of the others, and at least {_MM * min_height:.1f} mm are needed: touch a triangle"
             )
+        # The normal on the side of the tool.
         normal = cross_product / np.linalg.norm(cross_product)
         normal = normal if float(normal @ outwards) >= 0 else -normal
         tilt = math.acos(min(float(normal @ outwards), 1.0))
@@ -66,14 +68,14 @@ def check_fourth(plane: SurfacePlane, points: Floats, fourth: Floats, tolerance:
     nearest = float(np.linalg.norm(points - fourth, axis=1).min())
     if nearest < _MIN_DISTANCE:
         raise ConfigurationError(
-            f"the fourth point is {1e3 * nearest:.1f} mm from one of the first three and shows nothing: at least "
-            f"{1e3 * _MIN_DISTANCE:g} mm are needed"
+            f"the fourth point is {_MM * nearest:.1f} mm from one of the first three and shows nothing: at least "
+            f"{_MM * _MIN_DISTANCE:g} mm are needed"
         )
     height = plane.height_of(fourth)
     if abs(height) > tolerance:
         raise ConfigurationError(
-            f"the fourth point contradicts the first three: it lies {1e3 * abs(height):.2f} mm "
-            f"{'above' if height > 0 else 'below'} their plane, over --tolerance {1e3 * tolerance:g} mm: touch all "
+            f"the fourth point contradicts the first three: it lies {_MM * abs(height):.2f} mm "
+            f"{'above' if height > 0 else 'below'} their plane, over --tolerance {_MM * tolerance:g} mm: touch all "
             "four again, or the surface is not a plane"
         )
     return height
@@ -85,15 +87,18 @@ def work_frame(plane: SurfacePlane, origin: Floats, tool: Floats) -> tuple[WorkF
     The frame is turned from the base's orientation by as little as possible, around up x normal. Its tool is turned
     around the normal to be as near as possible to the real one; the angle is what remains.
     """
+    # The shortest turn of the base's z onto the normal, as a rotation vector.
     axis = np.cross(_UP, plane.normal)
     sine = float(np.linalg.norm(axis))
     angle = math.atan2(sine, float(_UP @ plane.normal))
     rotation = axis * (angle / sine) if sine > _SMALLEST_SINE else np.array([angle, 0.0, 0.0])
+    # The frame at the foot of the origin, and its tool turned about the normal as the real one is.
     foot = origin - plane.height_of(origin) * plane.normal
     unturned = WorkFrame(origin=_coordinates(foot), rotation=_coordinates(rotation))
     from_unturned = unturned.tool.T @ tool
     turn = math.atan2(from_unturned[1, 0] - from_unturned[0, 1], from_unturned[0, 0] + from_unturned[1, 1])
     frame = unturned.model_copy(update={"turn": turn})
+    # What no turn about the normal explains.
     remainder = rotation_matrix((0.0, 0.0, -turn)) @ from_unturned
     return WorkFrame.model_validate(frame.model_dump()), float(np.linalg.norm(rotation_vector(remainder)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,7 +37,9 @@ _STEPS = {
     "tip": "the tip is checked by turning the tool about it",
     "surface": "the surface is touched",
 }
-_OFF = math.radians(5.0)  # of the tool from the normal, over which a run refuses to begin by default
+_MAX_TOOL_ANGLE = math.radians(5.0)  # from the normal; over it a run refuses to begin by default ([safety] orientation)
+_MAX_TOLERANCE = 0.01  # [m], a choice: that of a surface which is no plane any more
+_MM = _GRAMS = 1e3  # per metre, per kilogram
 
 
 def teach(
@@ -66,113 +68,123 @@ def teach(
     steps, allowed = _steps(step or [], name, arm), _length(tolerance)
     if out is not None and out.exists():
         raise ConfigurationError(f"{out}: exists already; nothing is ever overwritten")
+    # A person leads the arm; whatever contradicts is raised before anything is written.
     with arm.by_hand("payload" in steps) as reader:
-        found, changes = _found(reader, steps, _ball(pipeline), allowed)
+        findings, changes = _findings(reader, steps, _ball(pipeline), allowed)
+    # The file as it is now has to load.
     with print_aside(as_json):
         if changes:
-            kept = write_pipeline(file, edited_text(pipeline.text, name, changes), out)
-            _tell(f"written to {out or file}" + (f"; the former one is {kept}" if kept else ""))
+            former = write_pipeline(file, edited_text(pipeline.text, name, changes), out)
+            _say(f"written to {out or file}" + (f"; the former one is {former}" if former else ""))
             load_pipeline(out or file, overrides or [])
     if as_json:
-        print_json({"file": str(out or file), "device": name, **found})
+        print_json({"file": str(out or file), "device": name, **findings})
 
 
-def _found(
+def _findings(
     reader: HandReader, steps: Sequence[str], radius: float, tolerance: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What the steps find, and what of it is written into the pipeline."""
-    found: dict[str, Any] = {}
+    """Return what the steps find, and what of it is written into the pipeline: payload and work frame."""
+    findings: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     if "payload" in steps:
-        found |= _payload(_read(reader, "payload", _LOAD))
+        payload = _payload(_read(reader, "payload", _LOAD))
+        findings |= payload
+        changes |= payload
     if "tip" in steps:
-        found |= _tip(_read(reader, "tip", _TURNS), reader, radius)
-    changes = {key: value for key, value in found.items() if key.startswith("payload")}
+        findings |= _tip(_read(reader, "tip", _TURNS), reader, radius)
     if "surface" in steps:
         surface, work = _surface(_read(reader, "surface", _POINTS), tolerance)
-        found, changes = found | surface | {"work": work}, changes | {"work": work}
-    return found, changes
+        findings |= {**surface, "work": work}
+        changes |= {"work": work}
+    return findings, changes
 
 
 def _payload(postures: Sequence[Posture]) -> dict[str, Any]:
+    """Return the payload and its centre as settings, weighed in some postures, and print them."""
     load = weigh_flange(postures)
-    centre = ", ".join(f"{1e3 * x + 0.0:.0f}" for x in load.centre)
-    _tell(
-        f"payload: {1e3 * load.mass:.0f} g +- {1e3 * load.mass_std:.0f} g, its centre at ({centre}) mm +- "
-        f"{1e3 * load.centre_std:.0f} mm on the flange; set the pendant's to that as well: freedrive depends on it"
+    centre = ", ".join(f"{_MM * x + 0.0:.0f}" for x in load.centre)  # adding 0 makes -0 a 0
+    _say(
+        f"payload: {_GRAMS * load.mass:.0f} g +- {_GRAMS * load.mass_std:.0f} g, its centre at ({centre}) mm +- "
+        f"{_MM * load.centre_std:.0f} mm on the flange; set the pendant's to that as well: freedrive depends on it"
     )
     return {
-        "payload": f"{1e3 * load.mass:.0f} g",
-        "payload_centre": [f"{1e3 * x + 0.0:.0f} mm" for x in load.centre.tolist()],
+        "payload": f"{_GRAMS * load.mass:.0f} g",
+        "payload_centre": [f"{_MM * x + 0.0:.0f} mm" for x in load.centre.tolist()],
     }
 
 
 def _tip(postures: Sequence[Posture], reader: HandReader, radius: float) -> dict[str, Any]:
+    """Return the tip's distance from where the pipeline has it, and its uncertainty [m], and print them."""
     pivot = pivot_of([posture.flange for posture in postures])
-    apart = check_tip(pivot, reader.tool, radius)
-    _tell(
-        f"tip: {1e3 * apart:.2f} mm from where tcp has it, known to {1e3 * pivot.std:.2f} mm; it slid by "
-        f"{1e3 * pivot.residual:.2f} mm"
+    distance = check_tip(pivot, reader.tool, radius)
+    _say(
+        f"tip: {_MM * distance:.2f} mm from where tcp has it, known to {_MM * pivot.std:.2f} mm; it slid by "
+        f"{_MM * pivot.residual:.2f} mm"
     )
-    return {"tip_off": apart, "tip_std": pivot.std}
+    return {"tip_off": distance, "tip_std": pivot.std}
 
 
 def _surface(postures: Sequence[Posture], tolerance: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the checks of a touched surface, and its work frame as settings; print the checks.
+
+    The last of the four postures is the origin; a point may be the tolerance [m] off the plane of the others.
+    """
     import numpy as np
 
     points = np.array([posture.tip[:3, 3] for posture in postures])
     tool = postures[-1].tip[:3, :3]
     plane = SurfacePlane.through(points[:3], -tool[:, 2])
     height = check_fourth(plane, points[:3], points[3], tolerance)
-    frame, askew = work_frame(plane, points[3], tool)
-    _tell(
-        f"surface: the fourth point is {1e3 * height:+.2f} mm off the plane; the tool {math.degrees(askew):.1f} deg "
-        "off its normal"
+    frame, tool_angle = work_frame(plane, points[3], tool)
+    _say(
+        f"surface: the fourth point is {_MM * height:+.2f} mm off the plane; the tool "
+        f"{math.degrees(tool_angle):.1f} deg off its normal"
     )
-    if askew > _OFF:
-        _tell("  turn the tool nearer to the normal before a run: [safety] orientation is 5 deg unless it is stated")
+    if tool_angle > _MAX_TOOL_ANGLE:
+        _say("  turn the tool nearer to the normal before a run: [safety] orientation is 5 deg unless it is stated")
     work = {
-        "origin": [f"{1e3 * x + 0.0:.2f} mm" for x in frame.origin],
+        "origin": [f"{_MM * x + 0.0:.2f} mm" for x in frame.origin],
         "rotation": [f"{math.degrees(x) + 0.0:.3f} deg" for x in frame.rotation],
         "turn": f"{math.degrees(frame.turn) + 0.0:.2f} deg",
     }
-    return {"fourth_point": height, "tool_off": askew}, work
+    return {"fourth_point": height, "tool_off": tool_angle}, work
 
 
 def _read(reader: HandReader, step: str, places: Sequence[str]) -> list[Posture]:
-    """One posture after the other, each once a person says that it is there."""
+    """Return one posture after the other, each read once a person says that it is there, and again while unsteady."""
     from palpate_arms.arm_by_hand import UnsteadyError
 
-    _tell(f"{step}: {_STEPS[step]}")
-    ask, found = _asker(), []
+    _say(f"{step}: {_STEPS[step]}")
+    postures = []
     for number, place in enumerate(places, 1):
         text = f"  {number} of {len(places)}: {place}; let go of freedrive, then press Enter"
         while True:
-            ask(text)
+            _ask(text)
             try:
-                found.append(reader.read())
+                postures.append(reader.read())
             except UnsteadyError as error:
                 text = f"  once more, {error}; then press Enter"
             else:
                 break
-    return found
+    return postures
 
 
-def _asker() -> Callable[[str], None]:
-    def ask(text: str) -> None:
-        try:
-            typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
-        except (EOFError, typer.Abort) as error:
-            raise ConfigurationError("no answer: a person has to lead the arm; nothing was written") from error
-
-    return ask
+def _ask(text: str) -> None:
+    """Wait for a person to press Enter; raises ConfigurationError where none is there."""
+    try:
+        typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+    except (EOFError, typer.Abort) as error:
+        raise ConfigurationError("no answer: a person has to lead the arm; nothing was written") from error
 
 
-def _tell(text: str) -> None:
+def _say(text: str) -> None:
+    """Print a line for the person at the arm."""
     typer.echo(text, err=True)
 
 
 def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
-    """The one robot of a pipeline; raises ConfigurationError."""
+    """Return the one robot of a pipeline, with its name; raises ConfigurationError."""
     from palpate_arms.arm_device import ArmDevice
 
     robots = {name: device for name, device in pipeline.devices.items() if isinstance(device, ArmDevice)}
@@ -183,27 +195,29 @@ def _robot(pipeline: Pipeline) -> tuple[str, ArmDevice]:
 
 
 def _ball(pipeline: Pipeline) -> float:
-    """Radius [m] of the tip where it is a ball, about whose centre it turns in a hole; 0 of any other."""
+    """Return the radius [m] of the tip where it is a ball, about whose centre it turns in a hole; 0 of any other."""
     tips = list(pipeline.indenters.values())
     return (tips[0].sphere_radius or 0.0) if len(tips) == 1 else 0.0
 
 
 def _steps(names: Sequence[str], device: str, arm: ArmDevice) -> tuple[str, ...]:
-    """The steps by name, or all that this arm can do; raises ConfigurationError."""
+    """Return the steps by name, or all that this arm can do; raises ConfigurationError."""
     for name in names:
         if name not in _STEPS:
             raise ConfigurationError(f"--step {name}: no such step{suggest(name, _STEPS)}")
     if "payload" in names and not arm.weighs_flange:
         raise ConfigurationError(f"--step payload: [device.{device}] has no sensor in its flange that could weigh it")
-    able = [name for name in _STEPS if name != "payload" or arm.weighs_flange]
-    return tuple(name for name in able if not names or name in names)
+    if names:
+        return tuple(name for name in _STEPS if name in names)
+    return tuple(name for name in _STEPS if name != "payload" or arm.weighs_flange)
 
 
 def _length(text: str) -> float:
+    """Return the tolerance [m]; raises ConfigurationError where it is not a length, or none that makes sense."""
     try:
         length = float(_LENGTH.validate_python(text.strip()))
     except (ValidationError, ConfigurationError) as error:
         raise ConfigurationError(f"--tolerance {text!r}: is not a length, such as 0.5 mm") from error
-    if not 0.0 < length <= 0.01:
+    if not 0.0 < length <= _MAX_TOLERANCE:
         raise ConfigurationError(f"--tolerance {text!r}: from above 0 up to 10 mm is allowed")
     return length

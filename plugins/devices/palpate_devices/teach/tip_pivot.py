@@ -16,6 +16,7 @@ _MIN_TURN = math.radians(5.0)  # of each posture against the first
 _MIN_SIDEWAYS_TURN = 0.3  # of the largest turn, around a second axis
 _MAX_SLIDE = 0.5e-3  # [m] root mean square of what the tip moved
 _MAX_DISTANCE = 1e-3  # [m] of the pivot from the declared tip
+_MM = 1e3  # per metre
 _MAX_STD = _MAX_DISTANCE / 2  # [m] of the pivot
 
 
@@ -34,6 +35,7 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
     R t + p = c for each posture with rotation R and place p: least squares for t on the flange and c in the base.
     Raises ConfigurationError where a turn is too small, or all are around one axis.
     """
+    # Rotation vectors of all postures against the first.
     first = flanges[0][:3, :3]
     turns = np.array([rotation_vector(first.T @ flange[:3, :3]) for flange in flanges[1:]])
     angles = np.linalg.norm(turns, axis=1)
@@ -46,6 +48,7 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
     # The second singular value of the rotation vectors is their part across the main axis.
     if np.linalg.svd(turns, compute_uv=False)[1] < _MIN_SIDEWAYS_TURN * float(angles.max()):
         raise ConfigurationError("all turns were about one axis: turn the tool sideways as well as forwards")
+    # R t - c = -p, three rows for each posture.
     matrix = np.vstack([np.hstack([flange[:3, :3], -np.eye(3)]) for flange in flanges])
     regression = linear_regression(matrix, -np.concatenate([flange[:3, 3] for flange in flanges]))
     # Three coordinates of a place are one distance.
@@ -60,20 +63,20 @@ def check_tip(pivot: Pivot, tool: Floats, radius: float) -> float:
     """
     if pivot.residual > _MAX_SLIDE:
         raise ConfigurationError(
-            f"the tip slid by {1e3 * pivot.residual:.1f} mm while the tool was turned, over {1e3 * _MAX_SLIDE:g} mm: "
+            f"the tip slid by {_MM * pivot.residual:.1f} mm while the tool was turned, over {_MM * _MAX_SLIDE:g} mm: "
             "hold it in a small hole, and turn again"
         )
     if pivot.std > _MAX_STD:
         raise ConfigurationError(
-            f"the turns show the tip to {1e3 * pivot.std:.1f} mm only: turn farther, and hold the tip better"
+            f"the turns show the tip to {_MM * pivot.std:.1f} mm only: turn farther, and hold the tip better"
         )
     centre = tool[:3, 3] - radius * tool[:3, 2]
     distance = float(np.linalg.norm(pivot.place - centre))
     if distance > _MAX_DISTANCE:
         tip = pivot.place + radius * tool[:3, 2]
-        tcp = ", ".join(f'"{1e3 * x + 0.0:.1f} mm"' for x in tip)
+        tcp = ", ".join(f'"{_MM * x + 0.0:.1f} mm"' for x in tip)
         raise ConfigurationError(
-            f"the tool turned about a point {1e3 * distance:.1f} mm from where tcp has the tip, over "
-            f"{1e3 * _MAX_DISTANCE:g} mm: tcp = [{tcp}] would agree; set it in the pipeline and on the pendant"
+            f"the tool turned about a point {_MM * distance:.1f} mm from where tcp has the tip, over "
+            f"{_MM * _MAX_DISTANCE:g} mm: tcp = [{tcp}] would agree; set it in the pipeline and on the pendant"
         )
     return distance

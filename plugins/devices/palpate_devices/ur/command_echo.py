@@ -1,4 +1,4 @@
-"""Whether commands arrive: each has a number, which the controller reads back."""
+"""Numbers of commands, which the controller reads back: they show which commands have arrived."""
 
 from __future__ import annotations
 
@@ -12,14 +12,22 @@ from dataclasses import dataclass
 from palpate import Floats
 from palpate_kit.protocols.ur_dashboard import RTDE
 
-# `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there.
+# `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there
+# (0213).
 _REGISTER = "input_double_register_7"
-_NUMBERS = 1 << 15
-_UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 40 m/s^2, the limit of a joint [rad/s^2]
-_TIMEOUT = 1.0  # [s]
-_ON_THEIR_WAY = 64  # commands; of a lost link more are
-_NOW = 0.5e-3  # [s] within which two instants are one: a quarter of a tick
-_ENOUGH = 16  # commands that came back, a choice: a computer that was held up makes one of them late, not all
+_UNIT = 1e-3  # [m/s^2] of a number 1
+_NUMBERS = 1 << 15  # they repeat: the client library takes up to 40 m/s^2, the limit of a joint [rad/s^2]
+# Choices.
+_TIMEOUT = 1.0  # [s] of the connection and of each answer
+_MAX_PENDING = 64  # commands, 0.13 s of them: a link is lost after 0.1 s
+_SAME_INSTANT = 0.5e-3  # [s] within which two instants are one: a quarter of a tick
+_MIN_ANSWERS = 16  # commands that came back: a computer that was held up makes one of them late, not all
+# RTDE, version 2: a packet is its size, a letter for its kind, and its content.
+_VERSION = 2
+_HEADER_BYTES = 3
+_RATE = 500.0  # [Hz] of the states that are asked for, the controller's own
+_ANSWER_BYTES = 4096  # that are read at once while connecting
+_STATES_BYTES = 1 << 16  # that are read at once from then on: over 3000 states
 _RECIPE = struct.Struct(">Bdd")  # its number, time [s], register
 STATE_BYTES = _RECIPE.size
 
@@ -38,11 +46,11 @@ class Echo:
     """
 
     def __init__(self) -> None:
-        self._sent = 0
-        self._heard: int | None = None
-        self._since = 0.0  # the latest news, or the first command after which there was none to come
-        self._commands: deque[_SentCommand] = deque(maxlen=_ON_THEIR_WAY)  # from the latest that came back on
-        self._usual = math.inf  # [s] the shortest time in which one came back
+        self._sent = 0  # commands so far
+        self._heard: int | None = None  # the latest number that came back
+        self._since = 0.0  # [s] of the latest news, or of the first command after which there was none to come
+        self._commands: deque[_SentCommand] = deque(maxlen=_MAX_PENDING)  # from the latest that came back on
+        self._shortest_answer = math.inf  # [s] in which a command came back
         self._answers = 0  # commands that came back
 
     def number(self, now: float, place: Floats) -> float:
@@ -55,21 +63,22 @@ class Echo:
         return self._sent % _NUMBERS * _UNIT
 
     def hear(self, now: float, acceleration: float) -> None:
-        """What the controller read back at a time [s]."""
+        """Take over the number that the controller read back, as an acceleration [m/s^2], at a time [s]."""
         heard = round(acceleration / _UNIT)
         if heard == self._heard:
             return
         self._heard, self._since = heard, now
+        # Commands before that number were taken, or overtaken by it.
         if any(command.number == heard for command in self._commands):
             while self._commands[0].number != heard:
                 self._commands.popleft()
-            self._usual = min(self._usual, now - self._commands[0].sent)
+            self._shortest_answer = min(self._shortest_answer, now - self._commands[0].sent)
             self._answers += 1
 
     @property
     def answer_time(self) -> float:
         """The shortest time [s] in which a command came back; 0 before enough of them did."""
-        return self._usual if self._answers >= _ENOUGH else 0.0
+        return self._shortest_answer if self._answers >= _MIN_ANSWERS else 0.0
 
     def ahead(self, now: float) -> float:
         """Return how far [m] the latest command is, at a time [s], from what the controller has taken before it.
@@ -78,14 +87,20 @@ class Echo:
         """
         if not self._commands:
             return 0.0
-        first, *others = self._commands
-        if any(command.sent <= now - self._usual + _NOW for command in others):
-            return math.dist(self._commands[-1].place.tolist(), first.place.tolist())
-        taken = next((command for command in reversed(others) if command.sent < now - _NOW), first)
-        return math.dist(self._commands[-1].place.tolist(), taken.place.tolist())
+        answered, *pending = self._commands
+        latest = self._commands[-1]
+        # One that should have come back has not: nothing since the answered one counts as taken.
+        if any(command.sent <= now - self._shortest_answer + _SAME_INSTANT for command in pending):
+            return math.dist(latest.place.tolist(), answered.place.tolist())
+        # Else the last one that was sent before the newest state.
+        taken = answered
+        for command in pending:
+            if command.sent < now - _SAME_INSTANT:
+                taken = command
+        return math.dist(latest.place.tolist(), taken.place.tolist())
 
     def silence(self, now: float) -> float:
-        """For how long [s] commands are on their way and none has arrived."""
+        """Return for how long [s], at a time [s], commands have been on their way without one that arrived."""
         if not self._sent or self._heard == self._sent % _NUMBERS:
             return 0.0
         return max(now - self._since, 0.0)
@@ -99,7 +114,7 @@ class ReadBack:
 
     def __init__(self, host: str) -> None:
         self._buffer = bytearray()
-        self.wrong_size: tuple[int, int] | None = None  # bytes of a state, and how many were agreed on
+        self.wrong_size: tuple[int, int] | None = None  # [bytes] of a state, and those agreed on
         try:
             self._link = socket.create_connection((host, RTDE), _TIMEOUT)
         except OSError as error:
@@ -115,9 +130,10 @@ class ReadBack:
         self._link.close()
 
     def _begin(self) -> None:
-        if self._ask("V", struct.pack(">H", 2)) != b"\1":
-            raise RuntimeError("the controller does not speak RTDE version 2")
-        types = self._ask("O", struct.pack(">d", 500.0) + f"timestamp,{_REGISTER}".encode())[1:]
+        """Agree on the version and on the states, and let the controller send; raises OSError, RuntimeError."""
+        if self._ask("V", struct.pack(">H", _VERSION)) != b"\1":
+            raise RuntimeError(f"the controller does not speak RTDE version {_VERSION}")
+        types = self._ask("O", struct.pack(">d", _RATE) + f"timestamp,{_REGISTER}".encode())[1:]
         if types != b"DOUBLE,DOUBLE":
             raise RuntimeError(f"the controller does not read {_REGISTER} back, by which lost commands are noticed")
         if self._ask("S") != b"\1":
@@ -126,33 +142,42 @@ class ReadBack:
 
     def _ask(self, kind: str, payload: bytes = b"") -> bytes:
         """Return the answer to a packet; texts and data between the two are skipped."""
-        self._link.sendall(struct.pack(">HB", 3 + len(payload), ord(kind)) + payload)
+        self._link.sendall(struct.pack(">HB", _HEADER_BYTES + len(payload), ord(kind)) + payload)
         while True:
             for answer, content in self._packets():
                 if answer == kind:
                     return content
-            if not (data := self._link.recv(4096)):
+            if not (data := self._link.recv(_ANSWER_BYTES)):
                 raise RuntimeError("the controller has closed a link while connecting")
             self._buffer += data
 
     def _packets(self) -> Iterator[tuple[str, bytes]]:
-        while len(self._buffer) >= 3:
+        """Yield kind and content of every whole packet that has arrived, and take it out of the buffer."""
+        while len(self._buffer) >= _HEADER_BYTES:
             size, kind = struct.unpack_from(">HB", self._buffer)
-            if len(self._buffer) < max(size, 3):
+            whole_size = max(size, _HEADER_BYTES)  # a size that is less than its header is a damaged one
+            if len(self._buffer) < whole_size:
                 return
-            content = bytes(self._buffer[3:size])
-            del self._buffer[: max(size, 3)]
+            content = bytes(self._buffer[_HEADER_BYTES:size])
+            del self._buffer[:whole_size]
             yield chr(kind), content
 
     def latest(self) -> tuple[float, float] | None:
-        """Controller's time [s] and register of the newest state; None without a new one."""
+        """Return the controller's time [s] and the register of the newest state; None without a new one."""
         try:
-            while data := self._link.recv(65536):
+            while data := self._link.recv(_STATES_BYTES):
                 self._buffer += data
         except OSError:  # nothing more now, or ever again, which the silence shows
             pass
-        states = [content for kind, content in self._packets() if kind == "U"]
-        values = [content for content in states if len(content) == STATE_BYTES]
-        if len(values) < len(states):
-            self.wrong_size = next(len(content) for content in states if len(content) != STATE_BYTES), STATE_BYTES
-        return _RECIPE.unpack(values[-1])[1:] if values else None
+        newest = None
+        wrong_size = None
+        for kind, state in self._packets():
+            if kind != "U":
+                continue
+            if len(state) == STATE_BYTES:
+                newest = state
+            elif wrong_size is None:
+                wrong_size = len(state)
+        if wrong_size is not None:
+            self.wrong_size = wrong_size, STATE_BYTES
+        return _RECIPE.unpack(newest)[1:] if newest is not None else None

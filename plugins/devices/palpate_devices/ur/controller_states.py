@@ -1,12 +1,14 @@
-"""What a controller's modes mean, and what a person does about them."""
+"""Modes of a controller: their meaning, and what a person does about them."""
 
 from __future__ import annotations
 
+# Numbers of the controller's modes, by Universal Robots' table of RTDE outputs.
 STOPPED, PLAYING = 1, 2  # runtime state
 NORMAL, REDUCED = 1, 2  # safety mode
 RUNNING = 7  # robot mode
 _SAFE = (NORMAL, REDUCED)
-_FULL = 0.995  # sliders move in steps of 1 %
+_FULL_SPEED = 0.995  # share of it, half a step less: sliders move in steps of 1 %
+_PERCENT = 100
 _SAFETY = {
     3: "a protective stop",
     5: "a safeguard stop",
@@ -44,9 +46,9 @@ def complaint(modes: tuple[int, int, int]) -> str | None:
     """Return why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can."""
     robot, safety, runtime = modes
     if safety not in _SAFE:
-        what = _SAFETY.get(safety, f"safety mode {safety}")
+        condition = _SAFETY.get(safety, f"safety mode {safety}")
         way_out = f"; {_WAY_OUT[safety]}." if safety in _WAY_OUT else "."
-        return f"the robot is in {what}{way_out}"
+        return f"the robot is in {condition}{way_out}"
     if robot != RUNNING:
         name, remedy = _ROBOT.get(robot, (f"mode {robot}", "look at the pendant for the cause"))
         return f"the robot is {name}, not RUNNING; {remedy}."
@@ -64,15 +66,15 @@ def slowdown(paces: tuple[float, float], safety: int, before: int | None) -> str
     the start of the motion, where there is one.
     """
     slider, scaling = paces
-    if not slider >= _FULL:
+    if not slider >= _FULL_SPEED:  # also where it is not a number
         verb = "is at" if before is None else "was moved to"
-        return f"the speed slider {verb} {100 * slider:.0f} %; set it to 100 % on the pendant"
+        return f"the speed slider {verb} {_PERCENT * slider:.0f} %; set it to 100 % on the pendant"
     if safety == REDUCED and before == NORMAL:
         return f"the robot has changed to {_REDUCED}"
-    if not scaling >= _FULL:
-        why = f"; it is in {_REDUCED}" if safety == REDUCED else ""
+    if not scaling >= _FULL_SPEED:
+        reason = f"; it is in {_REDUCED}" if safety == REDUCED else ""
         return (
-            f"the controller slows the arm to {100 * scaling:.0f} % to keep its own limits of speed, force or power; "
-            f"use a slower motion, or look at its payload and safety configuration{why}"
+            f"the controller slows the arm to {_PERCENT * scaling:.0f} % to keep its own limits of speed, force or "
+            f"power; use a slower motion, or look at its payload and safety configuration{reason}"
         )
     return None

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from palpate_arms.arm_by_hand import HandReader
     from palpate_arms.arm_driver import ArmDriver
 
+# Of the lag of `servoL`, 0.5 lookahead 300/gain, as measured on a twin (0215).
+_LAG_SHARE, _LAG_GAIN = 0.5, 300.0
+
 
 class UR(ArmDevice):
     """A UR3e, UR5e, UR10e or UR16e of Universal Robots as an arm, by `ur_rtde` in a process of its own.
@@ -33,6 +36,7 @@ class UR(ArmDevice):
 
     maker: ClassVar[str] = "ur"
     joint_names: ClassVar[tuple[str, ...]] = JOINTS
+    # The value of each in regular operation.
     status_channels: ClassVar[Mapping[str, float]] = {
         "robot_mode": 7.0,
         "safety_mode": 1.0,
@@ -63,34 +67,34 @@ class UR(ArmDevice):
 
     @classmethod
     def driver(cls) -> type[ArmDriver]:
-        """By the client library."""
+        """Return the driver by the client library."""
         from palpate_devices.ur.driver import URDriver
 
         return URDriver
 
     @property
     def arm_model(self) -> ArmModel | None:
-        """That of its type, where it is stated."""
+        """The model of its type, where that is stated."""
         return MODELS.get(self.model)
 
     @property
     def command_lag(self) -> float:
         """The time constant of `servoL`, 0.5 lookahead 300/gain: measured on a twin, since it is not published."""
-        return 0.5 * self.lookahead * 300.0 / self.servo_gain
+        return _LAG_SHARE * self.lookahead * _LAG_GAIN / self.servo_gain
 
     def identity(self, observe: bool) -> Mapping[str, str]:
-        """By the dashboard, where all ports answer and the robot is ready; raises DeviceError."""
-        found = host().controller_facts(self.host, probe)
-        refuse_unready(found, self.host)
-        return found if self.safety_checksum is None else {**found, "safety_checksum": self.safety_checksum}
+        """Return the facts of the dashboard, where all ports answer and the robot is ready; raises DeviceError."""
+        facts = host().controller_facts(self.host, probe)
+        refuse_unready(facts, self.host)
+        return facts if self.safety_checksum is None else {**facts, "safety_checksum": self.safety_checksum}
 
     def driver_settings(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
-        """Its keys, with the model that is known, and whether the controller reports the payload."""
+        """Return its keys, with the known model, and `load_known`: True if the controller reports the payload."""
         model = reported_model(identity) if self.model == "auto" and observe else self.model
         return {**super().driver_settings(identity, observe), "model": model, "load_known": reports_payload(identity)}
 
     def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
-        """By the client library alone, in local control; `weighs`: by the sensor in the flange."""
+        """Return a reader by the client library alone, in local control; `weighs`: by the sensor in the flange."""
         from palpate_devices.ur.hand_reader import URByHand
 
         return nullcontext(URByHand(self.host, self.model, self.tcp, self.tcp_rotation, weighs))
@@ -98,7 +102,7 @@ class UR(ArmDevice):
     @property
     def stop_modes(self) -> StopModes | None:
         """By the safety mode; a system's stop counts as the robot's own."""
-        return StopModes("safety_mode", (6, 7, 8), (5,))
+        return StopModes("safety_mode", (6, 7, 8), (5,))  # emergency stops, violation; safeguard stop
 
     @property
     def twin_settings(self) -> Mapping[str, str]:

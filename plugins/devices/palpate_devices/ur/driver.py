@@ -35,10 +35,14 @@ _VARIABLES = [
     *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
     *("target_speed_fraction", "speed_scaling"),
 ]
+_SECOND = 1e9  # [ns]
 _LOAD = ["payload", "payload_cog"]
 _SIX = 6  # numbers of each part of a state
-_MUTE = 25  # periods in which a stop has to reach the other connection, too
-_SAFETY_MODES = range(1, 14)  # that a controller has
+_STOP_PERIODS = 25  # a choice, 50 ms: periods in which a stop has to reach the other connection, too
+_SAFETY_MODES = range(1, 14)  # that a controller has, by Universal Robots' table of RTDE outputs
+_REREADS = 2  # a choice: of a state that is mixed; packets come 2 ms apart, and reading takes far less
+_UNUSED_SPEED = 0.5  # [m/s] that `servoL` demands and `servoj` does not use
+_MS = _MM = 1e3  # per second, per metre
 _State = tuple[list[list[float]], tuple[int, int, int], tuple[float, float]]
 
 
@@ -68,7 +72,7 @@ class URDriver(ArmDriver):
         return network_device(self.settings["host"], RTDE)
 
     def connect(self, observe: bool) -> None:
-        """States; unless the arm is only observed the control program, tool and payload."""
+        """Connect to the states, and unless the arm is only observed upload control program, tool and payload."""
         self._observed = observe
         variables = [*_VARIABLES, *(_LOAD if self.settings["load_known"] else [])]
         try:
@@ -81,6 +85,7 @@ class URDriver(ArmDriver):
             raise DeviceError(f"{missing_library()} ({error})") from error
 
     def _take_over(self) -> None:
+        """Upload the control program, and set the sockets, the tool and the payload; raises RuntimeError."""
         settings = self.settings
         self._control = host().robot_commands(settings["host"])
         send_at_once(RTDE)
@@ -89,7 +94,8 @@ class URDriver(ArmDriver):
         pendant = self._control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.
         rotation = settings["tcp_rotation"]
-        rotation = (pendant[3:] if len(pendant) == _SIX else [0.0] * 3) if rotation is None else rotation
+        if rotation is None:
+            rotation = pendant[3:] if len(pendant) == _SIX else [0.0] * 3
         tcp = [*settings["tcp"], *rotation]
         self._control.setTcp(tcp)
         if settings["payload"] is not None:
@@ -98,70 +104,76 @@ class URDriver(ArmDriver):
         self.facts |= {"tcp": tcp, "tcp_on_pendant": list(pendant)}
 
     def identify(self, reading: ArmReading) -> None:
-        """The model from the tool's pose, payload, time of power-on; raises RuntimeError where it is another arm."""
-        since = datetime.fromtimestamp(clock().epoch_ns() / 1e9 - reading.stamp, UTC)
+        """Note model, payload and time of power-on; raises RuntimeError where the pose is that of another arm."""
+        since = datetime.fromtimestamp(clock().epoch_ns() / _SECOND - reading.stamp, UTC)
         self.facts["powered_since"] = since.isoformat(timespec="seconds")
         assert reading.pose is not None
         q, pose = list(reading.joints), list(reading.pose)
         if self._observed:
-            self._tell_tool(q, matrix_of(pose))
+            self._note_tool(q, matrix_of(pose))
         else:
-            self._tell_model(q, np.array(pose[:3]))
+            self._note_model(q, np.array(pose[:3]))
         if self.settings["load_known"]:
             centre = self._receive.getPayloadCog()
             self.facts |= {"payload": self._receive.getPayload(), "payload_centre": list(centre)}
 
-    def _tell_tool(self, q: list[float], pose: Floats) -> None:
-        """Where the tool is by the joints: the controller's pose is that of whatever tool the pendant has."""
-        nearest, apart = distinguishable(q, self.tool, pose[:3, 3])
-        self.model = nearest if apart < KINEMATICS_TOLERANCE else MODELS.get(self.settings["model"], MODELS["ur3e"])
+    def _note_tool(self, q: list[float], pose: Floats) -> None:
+        """Note tool and model by the joints (6,) [rad]: the pose (4, 4) is that of whatever tool the pendant has."""
+        nearest, distance = distinguishable(q, self.tool, pose[:3, 3])
+        self.model = nearest if distance < KINEMATICS_TOLERANCE else MODELS.get(self.settings["model"], MODELS["ur3e"])
+        # The pendant's tool: the pose behind the flange.
         on_flange = np.linalg.inv(self.model.flange(q)[0]) @ pose
         if self.settings["tcp_rotation"] is None:
             self.tool[:3, :3] = on_flange[:3, :3]
         self.facts |= {"tcp": pose_of(self.tool), "tcp_on_pendant": pose_of(on_flange), "model": self.model.name}
 
-    def _tell_model(self, q: list[float], place: Floats) -> None:
+    def _note_model(self, q: list[float], place: Floats) -> None:
+        """Note the model whose tip is at a place (3,) [m] by the joints (6,) [rad]; raises RuntimeError without one."""
         if self.model is not None:
-            apart = float(np.linalg.norm(self.model.tip(q, self.tool)[0][:3, 3] - place))
+            distance = float(np.linalg.norm(self.model.tip(q, self.tool)[0][:3, 3] - place))
         else:
-            self.model, apart = distinguishable(q, self.tool, place)
-        if apart > KINEMATICS_TOLERANCE:
+            self.model, distance = distinguishable(q, self.tool, place)
+        if distance > KINEMATICS_TOLERANCE:
             raise RuntimeError(
-                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put "
-                f"it: is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
+                f"the controller reports the tip {_MM * distance:.1f} mm from where the joints of a {self.model.name} "
+                f"put it: is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
             )
-        self.facts |= {"model": self.model.name, "nominal_kinematics_off": apart}
+        self.facts |= {"model": self.model.name, "nominal_kinematics_off": distance}
 
     def target(self) -> Sequence[float] | None:
-        """Of its position control."""
+        """Return the target pose of its position control; raises ArmFaultError without one."""
         pose = self._receive.getTargetTCPPose()
         if len(pose) != _SIX:
             raise ArmFaultError("the controller does not send its target pose")
         return [float(x) for x in pose]
 
     def enable(self) -> None:
-        """The watchdog: it must be fed. Raises ArmFaultError where the state that answers comes later than it waits."""
+        """Set the watchdog, which must be fed; raises ArmFaultError where the answer takes longer than it waits."""
         began, frequency = clock().now(), self.settings["watchdog"]
         self._control.setWatchdog(frequency)
         if (answer := clock().now() - began) * frequency > 1.0:
             raise ArmFaultError(
-                f"the controller's states come late: the one that answers a command came {1e3 * answer:.0f} ms after "
-                f"it, and its watchdog waits for {1e3 / frequency:.0f} ms{clock().late_computer()}"
+                f"the controller's states come late: the one that answers a command came {_MS * answer:.0f} ms after "
+                f"it, and its watchdog waits for {_MS / frequency:.0f} ms{clock().late_computer()}"
             )
 
     def read(self) -> ArmReading | None:
-        """Return the state, whole: a packet that comes in between mixes two."""
+        """Return the newest state; None without a new one, or where parts of it are missing.
+
+        The client library gives one value at a time: a packet that arrives in between mixes two states, and all of it
+        is read again.
+        """
         receive = self._receive
         stamp = receive.getTimestamp()
         if stamp == self._stamp:
             return None
         now = clock().now_ns()
         values, modes, paces = self._values()
-        for _ in range(2):
-            again = receive.getTimestamp()
-            if again == stamp:
+        for _ in range(_REREADS):
+            newest_stamp = receive.getTimestamp()
+            if newest_stamp == stamp:
                 break
-            stamp, now = again, clock().now_ns()  # a packet came in between: its values may be mixed
+            stamp, now = newest_stamp, clock().now_ns()
             values, modes, paces = self._values()
         if any(len(part) != _SIX for part in values):
             return None
@@ -171,6 +183,7 @@ class URDriver(ArmDriver):
         return ArmReading(stamp, q, qd, pose, twist, wrench, (*modes, *paces), now)
 
     def _values(self) -> _State:
+        """Return joints [rad], their speeds, pose, twist and wrench (6 each), the three modes, slider and scaling."""
         receive = self._receive
         values = [
             receive.getActualQ(),
@@ -183,12 +196,12 @@ class URDriver(ArmDriver):
         return values, modes, (receive.getTargetSpeedFraction(), receive.getSpeedScaling())
 
     def _take_echo(self) -> None:
-        """Take over what the controller has taken of the commands."""
+        """Read the number of the latest command that the controller has taken."""
         if self._read_back is not None and (news := self._read_back.latest()) is not None:
             self._echo.hear(*news)
 
     def explain(self) -> str | None:
-        """Return True if the controller's packets are of another size than was agreed on."""
+        """Return the cause of states that make no sense: packets of another size than was agreed on; else None."""
         if self._read_back is None:
             return None
         self._take_echo()
@@ -204,9 +217,9 @@ class URDriver(ArmDriver):
         _sent(self._control.kickWatchdog)
 
     def send(self, pose: Sequence[float]) -> bool:
-        """By `servoL`; raises DeadLinkError where the link is lost."""
+        """Send a pose by `servoL`, numbered; return True if sent; raises DeadLinkError where the link is lost."""
         number = self._echo.number(self._stamp, self.place)
-        return _sent(self._control.servoL, list(pose), 0.5, number, *self._servo)
+        return _sent(self._control.servoL, list(pose), _UNUSED_SPEED, number, *self._servo)
 
     def stop(self) -> None:
         """Stop servoing, then the program; both wait for the controller."""
@@ -223,43 +236,42 @@ class URDriver(ArmDriver):
         raise ArmFaultError(text + (self._mute_control() if modes == (RUNNING, NORMAL, STOPPED) else ""))
 
     def _mute_control(self) -> str:
-        """Return a program that the control link still reports as running, although the other link reports that it
-        is not."""
-        for _ in range(_MUTE):
+        """Return the text of a control link that still reports a program as running, which the other link denies."""
+        for _ in range(_STOP_PERIODS):
             if not self._control.isProgramRunning():
                 return ""
             clock().sleep(PERIOD)
         return " The control link still reports it as running: that link is mute, and commands did not arrive."
 
     def slowdown(self, reading: ArmReading, first: ArmReading | None) -> str | None:
-        """By the speed slider, the controller's own scaling and its reduced mode."""
+        """Return why the arm is slower than commanded (speed slider, own scaling, reduced mode); else None."""
         slider, scaling = reading.status[3:]
-        before = None if first is None else _modes(first)[1]
-        return slowdown((slider, scaling), _modes(reading)[1], before)
+        first_safety = None if first is None else _modes(first)[1]
+        return slowdown((slider, scaling), _modes(reading)[1], first_safety)
 
     @property
     def connected(self) -> bool:
-        """By the connection of the states."""
+        """True while the connection of the states stands."""
         return bool(self._receive.isConnected())
 
     @property
     def unheard(self) -> float:
-        """By the numbers of the commands that it reads back."""
+        """The time [s] without news of commands on their way, by the numbers that it reads back."""
         return self._echo.silence(self._stamp)
 
     @property
     def answer_time(self) -> float:
-        """By the numbers of the commands that it reads back."""
+        """The shortest time [s] of a command there and back, by the numbers that it reads back."""
         return self._echo.answer_time
 
     @property
     def ahead(self) -> float:
-        """By the numbers of the commands that it reads back."""
+        """The distance [m] of the latest command from the one taken before, by the numbers that it reads back."""
         return self._echo.ahead(self._stamp)
 
 
 def _modes(reading: ArmReading) -> tuple[int, int, int]:
-    """Of robot, safety and program."""
+    """Return the modes of robot, safety and program."""
     robot, safety, runtime = reading.status[:3]
     return int(robot), int(safety), int(runtime)
 

@@ -20,7 +20,8 @@ _RAW_WRENCH = "ft_raw_wrench"
 # Choices.
 _MAX_SILENCE = 1.0  # [s] without a new state
 _POLL_INTERVAL = 0.001  # [s]
-_MAX_NOMINAL_ERROR = 5e-3  # [m] of the tip, by which a real arm differs from the nominal one
+_MAX_NOMINAL_ERROR = 5e-3  # [m] of the tip, by which a real arm differs from the nominal one (0246)
+_MM = 1e3  # per metre
 
 
 class URByHand:
@@ -54,6 +55,7 @@ class URByHand:
         ConfigurationError where its TCP is farther from the declared one than a real arm is from the nominal one.
         """
         self._next_state(-1.0)
+        # The pendant's tool: behind the flange of the arm that the joints show.
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
         declared = matrix_of([*tcp, *(rotation or (0.0, 0.0, 0.0))])
         arm = MODELS.get(model) or distinguishable(q, declared, pose[:3, 3])[0]
@@ -71,11 +73,13 @@ class URByHand:
 
     def read(self) -> Posture:
         """Return the mean over half a second; raises UnsteadyError, DeviceError."""
+        # Every new state: pose, and wrench where it is weighed.
         rows, stamp, end = [], -1.0, clock().now() + LISTEN
         while clock().now() < end:
             stamp = self._next_state(stamp)
             states: Any = self._states
             rows.append([*states.getActualTCPPose(), *(states.getFtRawWrench() if self._weighs else ())])
+        # The mean of both.
         values = np.array(rows)
         if not np.isfinite(values).all():
             raise DeviceError(f"{self._name}: the controller's pose or wrench is not a number")
@@ -94,5 +98,5 @@ class URByHand:
 
 
 def _mm(place: Floats) -> str:
-    """Return a place (3,) [m] in words, in mm."""
-    return f"({', '.join(f'{1e3 * x + 0.0:.1f}' for x in place)}) mm"
+    """Return a place (3,) [m] in words, in mm; adding 0 makes -0 a 0."""
+    return f"({', '.join(f'{_MM * x + 0.0:.1f}' for x in place)}) mm"
