@@ -9,7 +9,7 @@ from palpate import ConfigurationError, StopModes
 from palpate_commands.acceptance.measurement import (
     BrakingTrace,
     MissedError,
-    Standstill,
+    StandstillAfterEvent,
     first_beyond,
     measure_braking,
     measure_force_delay,
@@ -311,7 +311,7 @@ def test_a_stop_that_a_simulator_lacks_is_refused(root, tmp_path, monkeypatch):
 def test_a_stop_that_a_simulator_lacks_stays_open_on_its_page():
     safety = load_pipeline(PIPELINE).safety
     simulator = Simulator("bench", ("emergency", "safeguard", "reflex"))
-    standstill = Standstill(0.02, 1e-3, 4e-3, 0.0)
+    standstill = StandstillAfterEvent(0.02, 1e-3, 4e-3, 0.0)
     outcomes = tuple(
         Outcome(visit, Allowed(0.08, 0.5), None, "", standstill=standstill)
         for visit in all_visits()

@@ -135,9 +135,7 @@ class Source:
 
     def line(self, location: Location) -> int:
         """Return the line of a location, for sorting; 0 where it has none."""
-        return next(
-            (self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0
-        )
+        return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
 
 
 def _value_at(tables: Any, keys: Location) -> Any:

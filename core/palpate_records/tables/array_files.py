@@ -39,8 +39,8 @@ def array_text(path: Path, table: str | None) -> str:
 
 def array_tables(path: Path) -> tuple[ArrayTable, ...]:
     """Return the tables of a file; raises LogError where it has none or cannot be read."""
-    about = path.stat()
-    return _tables(path, about.st_mtime_ns, about.st_size)
+    status = path.stat()
+    return _tables(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,7 @@ from palpate_records.tables.csv_names import stated_role
 
 MAX_NUMBERS = 10_000_000  # of a file, all columns together: some 200 MB as text
 _MIN_ROWS = 20  # of a record; shorter arrays are values of the experiment, or a list of them
-_PRESS = {"force", "position"}  # roles without which a table is no press
+_PRESS = {"force", "position"}  # roles that every press has
 _MAX_WIDTH = 64  # columns of a matrix; a wider one is an image
 _FACT_LENGTH = 40  # characters of a single value
 

@@ -13,7 +13,7 @@ from palpate_devices.mcap_index import Index
 
 _MAX_WAITING = 1 << 20  # [bytes], a choice: so many are held in memory before they go to the system
 # The end of a file by the specification of MCAP: magic bytes, and records of an opcode, a length and numbers that are 0
-# where there is no checksum and no summary.
+# where checksum and summary are missing.
 _MAGIC = b"\x89MCAP0\r\n"
 _DATA_END = struct.pack("<BQI", 0x0F, 4, 0)  # opcode, length, checksum
 _FOOTER = struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)  # opcode, length, start of summary and of its offsets, checksum

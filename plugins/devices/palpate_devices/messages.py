@@ -146,7 +146,7 @@ def pack_messages(
 @cache
 def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, tuple[tuple[int, int], ...]]:
     """Return a message whose stamp and numbers are 0, and the runs of its numbers: offset [bytes] and count."""
-    message = _Template()
+    message = _MessageTemplate()
     message.add_text(frame)
     if not joints:
         message.add_numbers(count)
@@ -162,7 +162,7 @@ def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, t
     return bytes(message.data), tuple(message.runs)
 
 
-class _Template:
+class _MessageTemplate:
     """A message in CDR that grows field by field: encapsulation and a stamp of 0 to begin with."""
 
     def __init__(self) -> None:

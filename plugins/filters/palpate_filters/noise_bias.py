@@ -161,7 +161,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)
     theta, assumed, real = numbers[:k], numbers[k : k + 2], numbers[k + 2 :]
 
-    before = _ErrorStatistics(P, C, psi, mean)
+    before = _NoiseStatistics(P, C, psi, mean)
     updated = _update(before, assumed[1], real[1])
     after, next_memory = _predict(process, updated, sample, theta, memory, (assumed[0], real[0]))
 
@@ -179,7 +179,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
 
 
 @dataclass(frozen=True)
-class _ErrorStatistics:
+class _NoiseStatistics:
     """The covariance that gives the gain, and the statistics of the filter's errors."""
 
     P: Any  # (nx, nx) as the filter assumes it
@@ -188,7 +188,7 @@ class _ErrorStatistics:
     mean: Any  # (nx,) E[e]
 
 
-def _update(before: _ErrorStatistics, assumed_std: Any, real_std: Any) -> _ErrorStatistics:
+def _update(before: _NoiseStatistics, assumed_std: Any, real_std: Any) -> _NoiseStatistics:
     """Return the statistics after a measured rate [m/s]: its gain follows from the assumed noise."""
     import casadi as ca
 
@@ -200,12 +200,12 @@ def _update(before: _ErrorStatistics, assumed_std: Any, real_std: Any) -> _Error
     C = congruence(ca.kron(ca.SX.eye(1 + k), reduction), before.C)
     C[:nx, :nx] += K @ K.T * real_std**2
     P = mirror(congruence(reduction, before.P) + K @ K.T * assumed_std**2)
-    return _ErrorStatistics(P, C, reduction @ before.psi, reduction @ before.mean)
+    return _NoiseStatistics(P, C, reduction @ before.psi, reduction @ before.mean)
 
 
 def _predict(
-    process: InertialProcess, before: _ErrorStatistics, sample: Any, theta: Any, memory: Any, force_std: tuple[Any, Any]
-) -> tuple[_ErrorStatistics, Any]:
+    process: InertialProcess, before: _NoiseStatistics, sample: Any, theta: Any, memory: Any, force_std: tuple[Any, Any]
+) -> tuple[_NoiseStatistics, Any]:
     """Return the statistics and the model's memory at the next sample, along the motion.
 
     The force is that which makes the acceleration of the sample; its noise [N] is assumed and real.
@@ -230,7 +230,7 @@ def _predict(
     P = congruence(slopes.by_state, before.P) + B @ B.T * assumed_std**2
     psi = slopes.by_state @ before.psi + slopes.by_theta
     mean = slopes.by_state @ before.mean + slopes.curvature - defect
-    return _ErrorStatistics(P, C, psi, mean), slopes.next_state[2:]
+    return _NoiseStatistics(P, C, psi, mean), slopes.next_state[2:]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from palpate_kit.budget.force_sensitivity import along
 from palpate_kit.budget.influence import answer
 
 SURFACE_TOLERANCE = 5e-4  # [m] within which a first touch on rough skin may be (choice)
-EXPLAINED = 2.0  # standard uncertainties of the surface (choice), within which a distance is no contradiction
+EXPLAINED = 2.0  # standard uncertainties of the surface (choice), within which a distance agrees
 DEPTHS = np.linspace(0.0, 0.02, 2001)  # [m] over which the force of first touch is looked up
 
 

@@ -89,8 +89,8 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
 
 
 @dataclass(frozen=True)
-class Standstill:
-    """Where an arm stood after a run whose record of states ended with the event, such as its kill."""
+class StandstillAfterEvent:
+    """Place at which an arm stood after a run whose record of states ended with the event, such as its kill."""
 
     speed: float  # [m/s] until the event
     way: float  # [m] from the event to where the tip stood when the arm was connected to again
@@ -98,7 +98,9 @@ class Standstill:
     movement: float  # [m] by which the tip still moved then
 
 
-def measure_standstill(trace: BrakingTrace, event: float, planned: float, height: float, movement: float) -> Standstill:
+def measure_standstill(
+    trace: BrakingTrace, event: float, planned: float, height: float, movement: float
+) -> StandstillAfterEvent:
     """Return the way from an event [s] that ended a record to a height [m] found later; raises MissedError.
 
     From the last state to the event the tip goes on at its speed. States after the event count as well: the way is the
@@ -110,7 +112,7 @@ def measure_standstill(trace: BrakingTrace, event: float, planned: float, height
     place = float(trace.height[last]) + velocity * gap
     ways = np.sign(velocity) * (np.append(trace.height[last + 1 :], height) - place)
     spacing = float(np.median(np.diff(trace.time)))
-    return Standstill(abs(velocity), max(float(ways.max()), abs(float(ways[-1]))), gap + spacing, movement)
+    return StandstillAfterEvent(abs(velocity), max(float(ways.max()), abs(float(ways[-1]))), gap + spacing, movement)
 
 
 def _velocity_before(trace: BrakingTrace, event: float, planned: float) -> float:

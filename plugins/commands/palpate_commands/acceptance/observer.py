@@ -66,8 +66,8 @@ class Observer(ABC):
     @property
     def mode(self) -> int:
         """The mode that reports its stops, the latest; 0 before the first."""
-        found = self._latest(self._arm.status, self._arm.mode)
-        return int(found) if np.isfinite(found) else 0
+        mode = self._latest(self._arm.status, self._arm.mode)
+        return int(mode) if np.isfinite(mode) else 0
 
     def _latest(self, stream: str, column: int) -> float:
         batches = self._batches(stream)
@@ -86,12 +86,12 @@ class Observer(ABC):
         """When [s] the mode first reported a stop; raises MissedError where it never did."""
         modes = getattr(self._arm.modes, stop)
         time, status = self._joined(self._arm.status, origin)
-        found = status[:, self._arm.mode].astype(int)
-        there = np.flatnonzero(np.isin(found, modes))
-        if not len(there):
-            seen = ", ".join(str(mode) for mode in np.unique(found))
-            raise MissedError(f"the controller did not report that stop ({self._arm.modes.channel}: {seen})")
-        return float(time[there[0]])
+        reported = status[:, self._arm.mode].astype(int)
+        stopped = np.flatnonzero(np.isin(reported, modes))
+        if not len(stopped):
+            others = ", ".join(str(mode) for mode in np.unique(reported))
+            raise MissedError(f"the controller did not report that stop ({self._arm.modes.channel}: {others})")
+        return float(time[stopped[0]])
 
     def _joined(self, stream: str, origin: int) -> tuple[np.ndarray, np.ndarray]:
         batches = list(self._batches(stream))
@@ -161,7 +161,7 @@ class RunRecord(Observer):
 
     @property
     def health(self) -> dict[str, object]:
-        """What the robot said of itself to the run; nothing of one that was killed."""
+        """Description that the robot gave of itself to the run; none of a run that was killed."""
         return dict((self._run.live_facts.get("devices") or {}).get(self._arm.name, {}))
 
 
@@ -203,7 +203,7 @@ def state_after_run(arm: WatchedArm, seed: int) -> StateAfterRun:
             mode, failure = observer.mode, observer.failure
     except DeviceError as error:
         raise MissedError(f"no connection after the run: {error}") from error
-    known = [height for height in heights if np.isfinite(height)]
-    if not known:
+    finite_heights = [height for height in heights if np.isfinite(height)]
+    if not finite_heights:
         raise MissedError(failure or "the arm sent no states after the run")
-    return StateAfterRun(known[-1], max(known) - min(known), mode)
+    return StateAfterRun(finite_heights[-1], max(finite_heights) - min(finite_heights), mode)

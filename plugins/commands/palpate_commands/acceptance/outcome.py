@@ -1,11 +1,11 @@
-"""What a step of an acceptance showed, against what the rig declares."""
+"""Outcomes of the steps of an acceptance, against what the rig declares."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from palpate_commands.acceptance.measurement import Braking, ForceDelay, Standstill
+from palpate_commands.acceptance.measurement import Braking, ForceDelay, StandstillAfterEvent
 from palpate_commands.acceptance.steps import Visit
 
 STANDSTILL_MOVEMENT = 1e-4  # [m] by which the height of a tip that stands varies at most: 20 times the encoders' noise
@@ -13,7 +13,7 @@ STANDSTILL_MOVEMENT = 1e-4  # [m] by which the height of a tip that stands varie
 
 @dataclass(frozen=True)
 class Allowed:
-    """What `[safety]` and the devices declare for a step."""
+    """Bounds that `[safety]` and the devices declare for a step."""
 
     reaction: float  # [s]
     deceleration: float  # [m/s^2]
@@ -25,7 +25,7 @@ class Allowed:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a step showed."""
+    """Outcome of a step."""
 
     visit: Visit
     allowed: Allowed
@@ -33,35 +33,35 @@ class Outcome:
     told: str  # what the run gave as its reason, or why nothing was measured
     force_delay: ForceDelay | None = None  # of the force, where that was what the step was for
     answers: tuple[Mapping[str, float], ...] = ()  # of the arm to its first commands, [m]
-    standstill: Standstill | None = None  # of a run whose record of states ends with the event
+    standstill: StandstillAfterEvent | None = None  # of a run whose record of states ends with the event
 
     @property
-    def stop(self) -> Braking | Standstill | None:
-        """What was measured of the stop."""
+    def stop(self) -> Braking | StandstillAfterEvent | None:
+        """Stop that was measured, with the way of braking where that was recorded."""
         return self.braking or self.standstill
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What of it is worse than declared; the spacing of the states is left out of account."""
-        found, allowed = self.braking, self.allowed
+        """Measured values that are worse than declared; the spacing of the states is left out of account."""
+        braking, allowed = self.braking, self.allowed
         if self.force_delay is not None:
             late = self.force_delay.value - 2.0 * self.force_delay.std > allowed.reaction
             return ("the force comes later than declared",) if late else ()
         if self.standstill is not None:
             return self._problems_after(self.standstill)
-        if found is None:
+        if braking is None:
             return ("not measured",)
         verdicts = (
-            (found.reaction > allowed.reaction + found.resolution, "braking begins too late"),
-            (found.deceleration_most < allowed.deceleration, "it brakes too softly"),
-            (self._goes_too_far(found), "it goes too far"),
+            (braking.reaction > allowed.reaction + braking.resolution, "braking begins too late"),
+            (braking.deceleration_most < allowed.deceleration, "it brakes too softly"),
+            (self._goes_too_far(braking), "it goes too far"),
         )
         return tuple(text for wrong, text in verdicts if wrong)
 
-    def _goes_too_far(self, stop: Braking | Standstill) -> bool:
+    def _goes_too_far(self, stop: Braking | StandstillAfterEvent) -> bool:
         return stop.way > self.allowed.way(stop.speed) + stop.speed * stop.resolution
 
-    def _problems_after(self, standstill: Standstill) -> tuple[str, ...]:
+    def _problems_after(self, standstill: StandstillAfterEvent) -> tuple[str, ...]:
         verdicts = (
             (standstill.movement > STANDSTILL_MOVEMENT, "it still moved once the run had ended"),
             (self._goes_too_far(standstill), "it goes too far"),

@@ -9,7 +9,7 @@ from typing import Any
 
 from palpate_engine import SafetySettings
 
-from palpate_commands.acceptance.measurement import Braking, Standstill
+from palpate_commands.acceptance.measurement import Braking, StandstillAfterEvent
 from palpate_commands.acceptance.outcome import Allowed, Outcome
 from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import Visit
@@ -203,7 +203,7 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
     )
 
 
-def _way(stop: Braking | Standstill, allowed: Allowed) -> str:
+def _way(stop: Braking | StandstillAfterEvent, allowed: Allowed) -> str:
     return f"{1e3 * stop.way:.2f} ({1e3 * allowed.way(stop.speed):.2f})"
 
 

@@ -50,4 +50,4 @@ class WatchedArm:
 
     def columns(self, stream: str) -> int:
         """Return the number of channels of a stream."""
-        return next(len(each.channels) for each in self.device.streams if each.name == stream)
+        return next(len(candidate.channels) for candidate in self.device.streams if candidate.name == stream)

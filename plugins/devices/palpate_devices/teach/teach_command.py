@@ -38,7 +38,7 @@ _STEPS = {
     "surface": "the surface is touched",
 }
 _MAX_TOOL_ANGLE = math.radians(5.0)  # from the normal; over it a run refuses to begin by default ([safety] orientation)
-_MAX_TOLERANCE = 0.01  # [m], a choice: that of a surface which is no plane any more
+_MAX_TOLERANCE = 0.01  # [m], a choice: a skin that departs farther from a plane is refused
 _MM = _GRAMS = 1e3  # per metre, per kilogram
 
 

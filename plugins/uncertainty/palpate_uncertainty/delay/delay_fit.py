@@ -14,10 +14,10 @@ from palpate_uncertainty.delay.timed_record import LATEST, SURFACE_STEP, Respons
 
 _MAX_SURFACE_SHIFT = 1e-3  # [m] by which a law may move the surface (choice)
 # Choices: the units in which the unknowns of a fit are of one size, and its end.
-_SURFACE_UNIT = 1e-4  # [m]
-_DELAY_UNIT = 1e-3  # [s]
+_SURFACE_UNIT = 1e-4  # [m], unit of the surface among the unknowns (choice)
+_DELAY_UNIT = 1e-3  # [s], unit of the delay among the unknowns (choice)
 _RELATIVE_STEP = 1e-4  # of the differences that are slopes: far above rounding, far below the curvature
-_MAX_EVALUATIONS = 30
+_MAX_EVALUATIONS = 30  # of the residuals, where the fit gives up (choice)
 # The sum of autocovariances ends at five of its own times (Sokal 1997; decision 0052).
 _WINDOW_TIMES = 5.0  # of the residuals' own autocorrelation time, at which it is cut off
 _MAX_LAGS = 50  # of that sum: a choice of time

@@ -50,7 +50,7 @@ def force_lateness(tail: Tail, tip_mass: float) -> float | None:
 
 
 @dataclass(frozen=True)
-class _Contact:
+class _BothWays:
     """Samples of the depths that a tip passed both ways."""
 
     depth: Column  # position over half the range of depths, from -1 to 1
@@ -65,7 +65,7 @@ class _Contact:
         return slope * (1 / self.half_range / float((depth**2).sum()))
 
 
-def _contact_there_and_back(tail: Tail, tip_mass: float) -> _Contact | None:
+def _contact_there_and_back(tail: Tail, tip_mass: float) -> _BothWays | None:
     """Return the samples of a tail at depths that it passed both ways; None of too few."""
     force = tail.force + tip_mass * acceleration(tail.time, tail.velocity)
     rows = np.isfinite(force) & np.isfinite(tail.velocity) & np.isfinite(tail.position)
@@ -77,7 +77,7 @@ def _contact_there_and_back(tail: Tail, tip_mass: float) -> _Contact | None:
     if np.count_nonzero(rows) < _MIN_SAMPLES or high <= low:
         return None
     depth = (2 * tail.position[rows] - low - high) / (high - low)
-    return _Contact(depth, tail.velocity[rows], force[rows], (high - low) / 2)
+    return _BothWays(depth, tail.velocity[rows], force[rows], (high - low) / 2)
 
 
 def _common_depths(down: Floats, up: Floats) -> tuple[float, float] | None:

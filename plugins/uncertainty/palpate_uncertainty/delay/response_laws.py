@@ -12,9 +12,8 @@ from palpate_uncertainty.relaxation_alternatives import relaxing_share
 # Choices: they trade the time of a fit for the range of materials that a law describes.
 _TIMES_PER_DECADE = 4  # of the branches that make up a power law
 _TIME_MARGIN = 10.0  # by which these branches go beyond the step and the span of a record
-_FORGETTING_TIMES = (
-    1000.0  # time constants in the span, from which on a branch has forgotten what was before the record
-)
+# A branch with more time constants than this in the span has forgotten what was before the record.
+_FORGETTING_TIMES = 1000.0  # time constants in a record
 # Choices: exponents of a power law, from which a fit begins and between which it stays; 0 is a spring, 1 a dashpot.
 _EXPONENT, _EXPONENT_BOUNDS = 0.1, (0.005, 0.7)  # of a power law alone
 _EXPONENT_OF_DAMPING, _DAMPING_BOUNDS = 0.3, (0.005, 0.95)  # of one in parallel with a spring, which may be a dashpot

@@ -15,11 +15,11 @@ from palpate_uncertainty.refit import Course, make_course
 
 LATEST = 0.03  # [s] of a delay that is looked for (choice); as much is left out at each end of a run
 _WINDOWS = (5, 7, 9, 11, 15, 19, 25, 31, 41)  # samples of the local cubic for rate and acceleration (choice)
-# Of the RMS rate, a choice: noise that the shortest window leaves, so that fast motions are not bent.
-_MAX_NOISE_SHARE = 0.02
+# The shortest window that leaves no more noise than this does not bend fast motions.
+_MAX_NOISE_SHARE = 0.02  # of the RMS rate, that noise may be (choice)
 # Choices: steps of the central differences, far above rounding, far below the curvature of the force.
-SURFACE_STEP = 1e-6  # [m]
-_DELAY_STEP = 1e-4  # [s]
+SURFACE_STEP = 1e-6  # [m], step of the surface for its slope (choice)
+_DELAY_STEP = 1e-4  # [s], step of the delay for its slope (choice)
 _NONLINEAR_STEP = 1e-3  # of exponents and logarithms of times
 _THIRD_DIFFERENCE_POWER = 20.0  # variance of third differences of white noise of variance 1: 1 + 9 + 9 + 1
 
