@@ -62,7 +62,8 @@ class ScaledProcess:
 
     def ahead(self, x: Floats, interval: float, force: float) -> Floats:
         """Return the state one interval [s] later under a force [N]."""
-        return self._ahead(x.ravel() * self.scale, force, interval)[0] / self.scale
+        state: Floats = self._ahead(x.ravel() * self.scale, force, interval)[0] / self.scale
+        return state
 
     def ahead_of_all(self, count: int) -> Callable[[Floats, float, float], Floats]:
         """Return a function like `ahead` of `count` states (count, n) in one call."""

@@ -139,8 +139,8 @@ class Acceptance:
         yield ""
         yield from (f"- {line}" for line in (*self.looser_limits, *self._obedience(), *self.worst()))
         absent = [visit.name for visit in self.steps if self.simulator is not None and self.simulator.lacks(visit)]
-        missing = {visit.name: None for visit in self.steps if visit.name not in absent}
-        missing = [name for name in missing if name not in {outcome.visit.name for outcome in self.outcomes}]
+        settled = {*absent, *(outcome.visit.name for outcome in self.outcomes)}
+        missing = dict.fromkeys(visit.name for visit in self.steps if visit.name not in settled)
         if absent:
             yield f"- not in the simulator, and open until they are done on the rig: {', '.join(absent)}"
         if missing:
