@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,8 +52,10 @@ def write(path, record, names):
     ],
 )
 def test_a_table_of_a_sweep_is_a_map_with_its_lump(palpate, record, tmp_path, monkeypatch, names, axis, options):
-    monkeypatch.chdir(tmp_path)
-    done = palpate("map", write(tmp_path / "sweep.csv", record, names), *TIP, *options, "--json")
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    write(tmp_path / "sweep.csv", record, names)
+    done = palpate("map", Path("..") / "sweep.csv", *TIP, *options, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert (answer["kind"], answer["track"]) == ("sweep", "dr/smoother")

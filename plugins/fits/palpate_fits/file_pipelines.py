@@ -118,6 +118,7 @@ def file_groups(
     notes = _no_records([log for group in alike for log in group.logs], suggestions.refused)
     if note := rate_note(choices, suggestions.by_file.values()):
         notes.append(note)
+    notes += _sweep_notes(suggestions.by_file)
     read = [_file_group(group, parts, stated, suggestions.by_file) for group in alike]
     return FileGroups(read, suggestions.refused, notes, suggestions.questions)
 
@@ -143,6 +144,17 @@ def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:
     files = {str(log.path) for log in read if log.part is not None}
     beside = [name for name in refused if name not in files and any(name.startswith(f"{file}:") for file in files)]
     return [f"{name} is not a record, and left out: {refused.pop(name)}" for name in beside]
+
+
+def _sweep_notes(by_file: Mapping[LogPart, Suggestion]) -> list[str]:
+    """Return which files are sweeps, of which a fit has one value for all places."""
+    names = [str(file) for file, suggestion in by_file.items() if suggestion.sweep_speed is not None]
+    if not names:
+        return []
+    remainder = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return [
+        f"{names[0]}{remainder}: the tip moves along the skin, and the fit has one value: `palpate map` has all places"
+    ]
 
 
 def _stated(settings: Sequence[str]) -> dict[str, str]:

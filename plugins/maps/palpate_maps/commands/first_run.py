@@ -27,7 +27,7 @@ def folder_of(
     `choices` name the columns of a log. Raises ConfigurationError for options of a run that has ended.
     """
     if is_of_curves(source, tip):
-        pipeline = _sweep_pipeline(source, stated_facts([source], overrides, tip=tip, model=model), choices)
+        pipeline = _sweep_pipeline(source.resolve(), stated_facts([source], overrides, tip=tip, model=model), choices)
         return fit_first(source, tip, model, choices, overrides) if pipeline is None else _run(pipeline, source)
     if choices:
         raise ConfigurationError(f"--{next(iter(choices))}: {source} says so itself; it is for logs without a pipeline")
@@ -73,7 +73,7 @@ def _sweep_pipeline(log: Path, stated: StatedFacts, choices: Mapping[str, str]) 
 
 def _tables(suggestion: Suggestion, log: Path, model: str | None) -> dict[str, object]:
     """Return the tables of the suggested pipeline, with the model of a name where one is stated."""
-    tables = toml_tables(pipeline_of(suggestion, log.resolve()))
+    tables = toml_tables(pipeline_of(suggestion, log))
     if model is not None:
         parts = registry.load()
         name = parts.named("model", model)
