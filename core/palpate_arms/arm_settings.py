@@ -187,8 +187,12 @@ class ArmSettings(Device):
 
     @property
     def own_motion(self) -> OwnMotion:
-        """It goes to the start, brakes, and continues for a while where the job does."""
-        own = self.approach_speed, self.start_tolerance, self.acceleration, self.host_timeout
+        """It goes to the start, brakes, and continues for a while where the job does not.
+
+        An arm on a spring continues for its lag after its commands have stopped as well.
+        """
+        blind = self.host_timeout + (0.0 if self.controller_stiffness is None else self.command_lag)
+        own = self.approach_speed, self.start_tolerance, self.acceleration, blind
         stop = (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None
         followed_speed = self.tracking / max(self.command_lag, 1e-9)
         leaves_slowly = self.retract_speed is not None and self.retract_speed <= followed_speed

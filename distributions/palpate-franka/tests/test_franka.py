@@ -79,9 +79,9 @@ def test_its_acceptance_is_rehearsed(tmp_path, step):
 
 
 def test_a_reflex_below_the_force_that_stops_the_motion_is_refused():
-    pipeline = load_pipeline(PIPELINES / "point.toml", ['device.arm.collision_force="12 N"'])
+    pipeline = load_pipeline(PIPELINES / "point.toml", ['device.arm.collision_force="10 N"'])
     (problem,) = check_own_motion(own_motions(pipeline.devices)["arm"], pipeline.safety)
-    assert problem.startswith("collision_force is 12 N, at which the controller stops the arm in the material")
+    assert problem.startswith("collision_force is 10 N, at which the controller stops the arm in the material")
 
 
 @pytest.mark.parametrize(

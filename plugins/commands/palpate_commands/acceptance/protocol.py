@@ -150,13 +150,23 @@ class AcceptanceProtocol:
                 found = measure_force_delay(trace, *self._tared(job, origin))
                 return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found, self._answers(job))
             event = self._event_of(visit, observer, job, origin) if event is None else event
-            after = self._state_after(visit, job)
+            after, planned = self._state_after(visit, job), strokes.speed * self._pace(visit)
             report = "; ".join(filter(None, (self._told(job), self._place(after))))
             if after is not None and visit.step.number == signal.SIGKILL:
-                standstill = measure_standstill(trace, event, strokes.speed, after.height, after.movement)
+                standstill = measure_standstill(trace, event, planned, after.height, after.movement)
                 return Outcome(visit, allowed, None, report, standstill=standstill)
-            braking = measure_braking(trace, event, strokes.speed, visit.step.leaves)
+            braking = measure_braking(trace, event, planned, visit.step.leaves)
             return Outcome(visit, allowed, braking, report, answers=self._answers(job))
+
+    def _pace(self, visit: Visit) -> float:
+        """Return the share of a commanded speed at which the tip of an arm on a spring goes into the material.
+
+        A tip on a spring k [N/m] goes k/(k + K) of its command's way into a material of K [N/m].
+        """
+        spring = getattr(self._arm.device, "controller_stiffness", None)
+        if visit.site == "free-air" or spring is None:
+            return 1.0
+        return float(spring / (spring + self._limits.stiffness))
 
     def _state_after(self, visit: Visit, job: StrokesJob) -> StateAfterRun | None:
         """Return the arm's state by a connection after a run that could not record all of its states, else None."""
@@ -207,12 +217,12 @@ class AcceptanceProtocol:
         last = low + strokes.speed * self._allowed(visit.step).reaction
         first = min(last + strokes.speed * _MARGIN, high) if visit.site == "foam" else high
 
-        latest = 0.0  # [s] that states were late
+        latest, steady = 0.0, _STEADY * self._pace(visit) * strokes.speed  # [s] that states were late; [m/s]
 
         def there() -> bool:
             nonlocal latest
             latest = max(latest, observer.lag)
-            return observer.velocity < -_STEADY * strokes.speed and last < observer.height_now <= first
+            return observer.velocity < -steady and last < observer.height_now <= first
 
         self._wait(lambda: there() or not job.is_running, _START + strokes.duration, observer)
         if not job.is_running and latest > _LATE:
@@ -229,7 +239,7 @@ class AcceptanceProtocol:
         while job.is_running and clock().now() < deadline:
             # Not on the way to the strokes, which may lead down from above their top.
             is_upper_half = 0.5 * (high + strokes.bottom) < observer.height <= high
-            down = is_upper_half and observer.velocity < -_STEADY * strokes.speed
+            down = is_upper_half and observer.velocity < -_STEADY * self._pace(visit) * strokes.speed
             if down and not was_down:
                 if on_the_way_down:
                     self._guide.say("  NOW")
