@@ -19,13 +19,13 @@ from palpate_fits.residual import Residual, reading
 
 TIMING = "timing of force against motion"  # the row of a delay
 PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken
-_SAMPLES = 20_000
+_SAMPLES = 20_000  # at which sensitivities are taken (choice)
 
 
 def stated_sources(
     model: ContactModel, stated: Mapping[str, Any], fixed: Mapping[str, str]
 ) -> tuple[UncertaintySource, ...]:
-    """The sources that `systematic` states of the model, the readings, and what is `fixed`, with its units, by name.
+    """Return the sources that `systematic` states of the model, the readings, and `fixed` unknowns by name and unit.
 
     Raises ConfigurationError where one does not exist or has a wrong unit.
     """
@@ -34,17 +34,17 @@ def stated_sources(
             "estimator casadi-fit: systematic: the uncertainty of timing belongs to the signal: set "
             'uncertainty = "0.5 ms" next to its channel in [alignment]'
         )
-    found = []
+    sources = []
     for name, value in stated.items():
         try:
-            found.append(declared_source(model, name, value, fixed))
+            sources.append(declared_source(model, name, value, fixed))
         except ValueError as error:
             raise ConfigurationError(f"estimator casadi-fit: systematic: {error}") from error
-    return tuple(found)
+    return tuple(sources)
 
 
 class FitSensitivity:
-    """How the minimum answers to errors of the force, to first order: (J^T J)^-1 J^T of the change of the residual.
+    """The shift of the minimum by errors of the force, to first order: (J^T J)^-1 J^T of the change of the residual.
 
     Errors are those of the weighted residual.
     """

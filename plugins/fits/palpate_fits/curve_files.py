@@ -17,17 +17,17 @@ def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve
     """Yield every file that the reader recognises, of folders in the order of their names; raises
     ConfigurationError."""
     recognises = getattr(reader, "recognises", Path.is_file)
-    found = 0
+    count = 0
     for source in sources:
         if not source.exists():
             raise ConfigurationError(f"{source}: no such file or folder")
         for path in log_paths(source, recognises) if source.is_dir() else [source]:
             if is_list(path):
                 continue
-            found += 1
+            count += 1
             name = path.relative_to(source) if path != source and len(sources) == 1 else path
             yield Curve(str(name), str(path.resolve()))
-    if not found:
+    if not count:
         raise ConfigurationError(f"{', '.join(map(str, sources))}: holds no file that the pipeline could read")
 
 
@@ -38,11 +38,10 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
     """
     count = 0
     for log in logs:
-        names = [known.name for known in log.streams[0].channels]
+        names = [entry.name for entry in log.streams[0].channels]
         if len(log.streams) != 1 or channel not in names:
-            known = ", ".join(names)
             raise ConfigurationError(
-                f"--by {channel}: the log must be one stream with that channel (there are: {known})"
+                f"--by {channel}: the log must be one stream with that channel (there are: {', '.join(names)})"
             )
         with log.connect(0) as link:
             for batches in _split(link.batches(), names.index(channel)):
@@ -51,7 +50,7 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
 
 
 def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]:
-    """Batches cut where a column changes, those of one value together."""
+    """Yield batches cut where a column changes, those of one value together."""
     waiting: list[Batch] = []
     for batch in batches:
         marks = batch.values[:, column]

@@ -30,24 +30,24 @@ class CasadiFit(FitSettings):
         contradict."""
         from palpate_fits.tracker import FitTracker
 
-        windows, wanted = parse_segment(self.segment), self.unknowns or ()
+        windows, unknown_names = parse_segment(self.segment), self.unknowns or ()
         for contradiction in self._contradictions(problem):
             raise ConfigurationError(f"estimator casadi-fit: {contradiction}")
         fixed: dict[str, Any] = dict(self.fixed)
-        if "tip_mass" not in fixed and "tip_mass" not in wanted:
+        if "tip_mass" not in fixed and "tip_mass" not in unknown_names:
             fixed["tip_mass"] = problem.tip_mass or 0.0
-        unknowns = unknowns_of(problem.model, wanted, fixed, self.start_at, self.bounds)
+        unknowns = unknowns_of(problem.model, unknown_names, fixed, self.start_at, self.bounds)
         free = [unknowns.names[place] for place in unknowns.free]
         for name in self.systematic:
             if name in free:
-                known = f"systematic: {name} is an unknown of the fit, which finds its uncertainty itself"
-                raise ConfigurationError(f"estimator casadi-fit: {known}")
+                problem_text = f"systematic: {name} is an unknown of the fit, which finds its uncertainty itself"
+                raise ConfigurationError(f"estimator casadi-fit: {problem_text}")
         fixed_units = {item.name: item.unit for item in unknowns.items if not item.free}
         sources = stated_sources(problem.model, self.systematic, fixed_units)
         return FitTracker(self, problem, windows, unknowns, sources)
 
     def _contradictions(self, problem: Problem) -> Iterator[str]:
-        """Settings that exclude one another, or what the problem lacks for them."""
+        """Yield the settings that exclude one another, and what the problem lacks for them."""
         if self.contact_point != "free" and ("surface" in self.fixed or "surface" in self.bounds):
             yield f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded'
         if self.solver == "lm" and problem.model.memory:

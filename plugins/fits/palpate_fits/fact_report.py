@@ -18,8 +18,8 @@ def report_rig(paths: Iterable[Path]) -> None:
 
 def report_listed(facts: Iterable[Collection[str]], curves: int) -> None:
     """Report which of the `facts` of each curve ``curves.csv`` states, of so many curves."""
-    if words := fact_counts(facts, curves):
-        typer.echo(words, err=True)
+    if counts_text := fact_counts(facts, curves):
+        typer.echo(counts_text, err=True)
 
 
 def list_advice(folder: Path) -> dict[str, list[str]]:

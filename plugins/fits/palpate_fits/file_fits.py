@@ -43,8 +43,8 @@ from palpate_fits.name_groups import group_table, groups_of
 from palpate_fits.setup_tables import pairs_document, show_pairs
 from palpate_fits.sitting import ask_of_files, ask_of_rig, is_asking, keep_answers, prompt
 
-_GUESSES = 6  # that are printed
-_DIALECTS = 6  # of which the columns are printed
+_GUESSES = 6  # that are printed (choice)
+_DIALECTS = 6  # of which the columns are printed (choice)
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,10 @@ def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
 
 def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | None) -> SourceFiles:
     """Return the records among the sources, or the one that is named; raises ConfigurationError without any."""
-    known = registry.load()
+    part_registry = registry.load()
     choices = reader_keys(stated.settings)
-    logs = logs_among(sources, known)
-    parts = [part for log in logs for part in specimens_of(log, known, choices)]
+    logs = logs_among(sources, part_registry)
+    parts = [part for log in logs for part in specimens_of(log, part_registry, choices)]
     if curve is not None:
         names = [part.part for part in parts if part.part is not None]
         parts = [part for part in parts if part.part == curve]
@@ -175,25 +175,30 @@ def _fitted_files(path: Path, files: SourceFiles, groups: FileGroups, named: Ent
 def _command(asked: FitRequest, stated: StatedFacts) -> str:
     """Return the command line that fits the same files, but for its folder."""
     facts = stated.facts.model_dump(include=set(stated.of_options))
-    words = ["palpate", "fit", *(_no_option(str(source)) for source in asked.sources)]
-    words += [word for key, text in facts.items() for word in (option_of(key), str(text))]
-    words += [word for role, text in asked.choices.items() for word in (f"--{role}", text)]
-    words += [word for text in stated.settings for word in ("--set", text)]
-    words += ["--by", asked.by] if asked.by is not None else []
-    words += ["--rig", str(stated.path)] if stated.is_named else []
-    return shlex.join(words)
+    arguments = ["palpate", "fit", *(_no_option(str(source)) for source in asked.sources)]
+    for key, text in facts.items():
+        arguments += [option_of(key), str(text)]
+    for role, text in asked.choices.items():
+        arguments += [f"--{role}", text]
+    for text in stated.settings:
+        arguments += ["--set", text]
+    if asked.by is not None:
+        arguments += ["--by", asked.by]
+    if stated.is_named:
+        arguments += ["--rig", str(stated.path)]
+    return shlex.join(arguments)
 
 
 def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: str) -> None:
     """Print what was assumed, the rows, what is a guess, and commands that go on from here."""
-    rows, folder, known = fitted.rows, fitted.folder, registry.load()
+    rows, folder, part_registry = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
     kinds = pipeline_counts(folder, (row["curve"] for row in rows if not row.get("error")))
     print_line(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
     facts = fact_line(kinds or [(pipeline, len(rows))], [row_motion(row) for row in rows])
     for line in (*filled(facts), *_columns_lines(fitted.groups)):
         print_line(line)
-    show_rows(rows, pipeline, known, command, asked.details, _advice(asked.sources, len(rows)))
+    show_rows(rows, pipeline, part_registry, command, asked.details, _advice(asked.sources, len(rows)))
     for line in _law_lines(fitted) if len(rows) == 1 else ():
         print_line(line)
     _show_guesses(fitted.groups, asked.details)
@@ -202,7 +207,7 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
     if fitted.named:
         console().print(group_table(rows, fitted.named, pipeline).view())
     show_pairs(fitted.pairs)
-    print_line(partition_line(rows, pipeline, known))
+    print_line(partition_line(rows, pipeline, part_registry))
     print_line(f"every number: {folder.table}; {SETTINGS} next to it: how the files were read")
 
 
@@ -227,11 +232,12 @@ def _page_lines(fitted: FittedFiles, files: SourceFiles) -> Iterator[str]:
     if first is None:
         return
     page, part = fitted.folder.path / "page", files.by_name[first]
-    words = ["palpate", "fit", _no_option(str(part.path)), "--pipeline", str(fitted.folder.path / SETTINGS)]
-    words += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(part.part)}"] if part.part is not None else []
-    words += ["-o", str(page)]
+    arguments = ["palpate", "fit", _no_option(str(part.path)), "--pipeline", str(fitted.folder.path / SETTINGS)]
+    if part.part is not None:
+        arguments += ["--set", f"device.{DEVICE}.{RECORD}={json.dumps(part.part)}"]
+    arguments += ["-o", str(page)]
     report = shlex.join(["palpate", "report", str(page / part.path.name.split(".")[0])])
-    yield f"{'a page' if len(fitted.rows) == 1 else 'a page on one'}: {shlex.join(words)} && {report}"
+    yield f"{'a page' if len(fitted.rows) == 1 else 'a page on one'}: {shlex.join(arguments)} && {report}"
 
 
 def _columns_lines(groups: Sequence[FileGroup]) -> list[str]:
@@ -244,11 +250,12 @@ def _columns_lines(groups: Sequence[FileGroup]) -> list[str]:
 
 
 def _no_option(name: str) -> str:
+    """Return the name of a file so that it cannot be taken for an option."""
     return f"./{name}" if name.startswith("-") else name
 
 
 def _show_guesses(groups: Sequence[FileGroup], details: bool) -> None:
-    """What no file states, for the first groups of files."""
+    """Print the guesses that no file states, of the first groups of files."""
     guesses = [doubt for group in groups for doubt in group.doubts]
     shown = guesses if details else guesses[:_GUESSES]
     for doubt in shown:

@@ -1,4 +1,4 @@
-"""Files without a pipeline: how each is read is found out from it, and files that are read alike share a pipeline."""
+"""Pipelines of files without one: each file shows how it is read, and files that are read alike share a pipeline."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ _READER = f"device.{DEVICE}."
 ASSUMED_RATE = "100 Hz"  # of a file without a time: what depends on it is of no use, and E of an elastic press does not
 _OF_TIP = re.compile(r"\b(tip|probe|indenter|ball|sphere|kugel)", re.IGNORECASE)
 _ACROSS = re.compile(r"diameter|durchmesser", re.IGNORECASE)
-_ALIKE = 0.02  # by which a tip may miss what a file states
+_ALIKE = 0.02  # of a radius (choice), by which a tip may differ from the one that a file states
+_PER_DIAMETER = 0.5  # radii
 _TIMED = ("force", "position", "velocity")
 
 
@@ -43,7 +44,7 @@ class FileGroup:
 
 @dataclass(frozen=True)
 class FileGroups:
-    """Files by how they are read, the most first, and why others cannot be read."""
+    """Files by how they are read, the largest group first, and why others cannot be read."""
 
     read: Sequence[FileGroup]
     refused: Mapping[str, str]  # why, by the file
@@ -52,7 +53,7 @@ class FileGroups:
 
     @property
     def count(self) -> int:
-        """How many files can be read."""
+        """The number of files that can be read."""
         return sum(len(group.curves) for group in self.read)
 
     def demand_any(self) -> None:
@@ -109,11 +110,11 @@ def file_groups(
     `choices` name the columns of roles, as of ``palpate info --suggest``; `certain` takes how files without questions
     are read. Raises ConfigurationError for a tip, a model or an override that is invalid.
     """
-    known = registry.load()
+    part_registry = registry.load()
     stated = facts.stated
-    tip = tip_table(stated.facts.tip or "", known, "--tip")
-    parts = _parts(tip, known.named("model", stated.facts.model or "dr"), known)
-    suggestions = _Suggestions(facts, choices, certain, known)
+    tip = tip_table(stated.facts.tip or "", part_registry, "--tip")
+    parts = _parts(tip, part_registry.named("model", stated.facts.model or "dr"), part_registry)
+    suggestions = _Suggestions(facts, choices, certain, part_registry)
     alike = alike_logs(files, suggestions.of, suggestions.refused)
     notes = _no_records([log for group in alike for log in group.logs], suggestions.refused)
     if note := rate_note(choices, suggestions.by_file.values()):
@@ -133,9 +134,9 @@ def _file_group(
     text = tomli_w.dumps(_tables(suggestion, first.path, parts, settings))
     pipeline = _built(text, path, stated.overrides)
     certain = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in settings]
-    others = f" and {len(alike.logs) - 1} more" if len(alike.logs) > 1 else ""
+    more_files = f" and {len(alike.logs) - 1} more" if len(alike.logs) > 1 else ""
     doubts = [f"{file.name}: {text}" for file in alike.logs for text in _other_tips(by_file[file], pipeline)]
-    doubts += [f"{first.name}{others}: {text}" for text in suggestion.doubts if text not in certain]
+    doubts += [f"{first.name}{more_files}: {text}" for text in suggestion.doubts if text not in certain]
     return FileGroup(text, path, pipeline, tuple(doubts), [file.curve for file in alike.logs])
 
 
@@ -158,13 +159,13 @@ def _sweep_notes(by_file: Mapping[LogPart, Suggestion]) -> list[str]:
 
 
 def _stated(settings: Sequence[str]) -> dict[str, str]:
-    """What ``--set`` states, by its key, as texts."""
+    """Return the texts that ``--set`` states, by key."""
     pairs = (text.partition("=") for text in settings)
     return {key.strip(): value.strip().strip("\"'") for key, _, value in pairs}
 
 
 def reader_keys(settings: Sequence[str]) -> dict[str, str]:
-    """Keys of the device of files that ``--set`` states, which count as choices."""
+    """Return the keys of the files' device that ``--set`` states; they count as choices."""
     stated = _stated(settings)
     keys = {key.removeprefix(_READER): value for key, value in stated.items() if key.startswith(_READER)}
     keys.pop("time", None)  # a table, which no choice is
@@ -172,26 +173,29 @@ def reader_keys(settings: Sequence[str]) -> dict[str, str]:
 
 
 def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:
-    """Where a file states another radius of the tip than its pipeline."""
+    """Return the lines in which a file states another radius of the tip than its pipeline."""
     radius = getattr(next(iter(pipeline.indenters.values())), "radius", None)
-    found = []
+    texts = []
     for line, name, value in suggestion.facts:
-        across = _ACROSS.search(name) is not None
-        if radius is None or not _OF_TIP.search(name) or not (across or "radius" in name.lower()):
+        is_diameter = _ACROSS.search(name) is not None
+        if radius is None or not _OF_TIP.search(name) or not (is_diameter or "radius" in name.lower()):
             continue
         try:
             unit = re.search(r"[\[(]([^\])]+)[\])]", name)
-            theirs = to_si(f"{value} {unit[1]}" if unit else value, "m") * (0.5 if across else 1.0)
+            stated_radius = to_si(f"{value} {unit[1]}" if unit else value, "m") * (
+                _PER_DIAMETER if is_diameter else 1.0
+            )
         except ValueError:
             continue
-        if abs(theirs / radius - 1.0) > _ALIKE:
-            found.append(f"line {line} states {name}: {value}, and --tip a radius of {1e3 * radius:g} mm")
-    return found
+        if abs(stated_radius / radius - 1.0) > _ALIKE:
+            texts.append(f"line {line} states {name}: {value}, and --tip a radius of {1e3 * radius:g} mm")
+    return texts
 
 
-def _parts(tip: dict[str, Any], model: str, known: Registry) -> dict[str, Any]:
+def _parts(tip: dict[str, Any], model: str, part_registry: Registry) -> dict[str, Any]:
+    """Return the tables of the tip, a model of a type, and a fit."""
     table: dict[str, Any] = {"type": model}
-    if "indenter" in known.find("model", model).model_fields:
+    if "indenter" in part_registry.find("model", model).model_fields:
         table["indenter"] = "tip"
     return {"indenter": {"tip": tip}, "model": {model: table}, "estimator": {"fit": {"type": "casadi-fit"}}}
 
@@ -222,6 +226,7 @@ def with_overrides(group: FileGroup, overrides: Sequence[str]) -> FileGroup:
 
 
 def _built(text: str, path: Path, overrides: Sequence[str]) -> Pipeline:
+    """Return the pipeline of a text with overrides; raises ConfigurationError."""
     source = Source(text, path)
     for assignment in overrides:
         source.override(assignment)

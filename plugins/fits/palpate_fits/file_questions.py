@@ -1,4 +1,4 @@
-"""What only a person can say of the reading of a file: a column, a unit, a rate."""
+"""Questions on the reading of a file that only a person can answer: a column, a unit, a rate."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ class FileQuestion:
 def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQuestion | None:
     """Return the first thing that only a person knows of a file; None if nothing is missing."""
     for text in suggestion.blanks:
-        key, _, about = text.partition(": ")
+        key, _, problem = text.partition(": ")
         if f"{_READER}{key}" in stated:
             continue
         if key == POSITION_OF:
-            return FileQuestion("position", "", about, f"{text}; say it with --{key}", True, ("tip", "stage"))
+            return FileQuestion("position", "", problem, f"{text}; say it with --{key}", True, ("tip", "stage"))
         if key == RATE:  # E of an elastic press does not depend on it
             rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
-            return FileQuestion(RATE, "", about, f"{text}; say it with --rate", rows < MIN_ROWS)
+            return FileQuestion(RATE, "", problem, f"{text}; say it with --rate", rows < MIN_ROWS)
         option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
         advice = f"{text}; say it with {option}"
         if (scale := _SCALE.fullmatch(key)) is not None:
-            return FileQuestion("units", _column(suggestion, scale[1]), about, advice, True)
-        return FileQuestion(key, "", about, advice, True)
+            return FileQuestion("units", _column(suggestion, scale[1]), problem, advice, True)
+        return FileQuestion(key, "", problem, advice, True)
     for role, columns in suggestion.rivals.items():
-        words = suggestion.rival_words(role)
-        return FileQuestion("columns", role, words, f"{words}; say which with --{role}", True, columns)
+        rivals_text = suggestion.rival_words(role)
+        return FileQuestion("columns", role, rivals_text, f"{rivals_text}; say which with --{role}", True, columns)
     for key, text in suggestion.guesses.items():
         if f"{_READER}{key}" not in stated and (unit := _UNIT.fullmatch(key)) is not None:
             guess = str(suggestion.device["columns"][unit[1]]["unit"])
@@ -57,4 +57,5 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
 
 
 def _column(suggestion: Suggestion, role: str) -> str:
+    """Return the column that a role is read from."""
     return str(suggestion.device["columns"][role]["column"])

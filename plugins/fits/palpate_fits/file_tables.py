@@ -1,4 +1,4 @@
-"""What people see of fits of many files: a row for each with its verdict, and what stands behind the doubts."""
+"""The screen of fits of many files: a row for each with its verdict, then the reasons of doubts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from palpate_kit.terminal.table import Table, console
 from palpate_fits.quartile_table import each_table
 
 _MEASURED = "measured"
-MOST = 40  # rows of a table on the terminal
+MOST = 40  # rows of a table on the terminal (choice)
+_DETAILS_WIDTH = 160  # characters
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "prediction": ("predicted\nwithin", ".1%"), "samples": ("samples", ".0f")}
 
@@ -42,23 +43,23 @@ def is_usable(row: Row) -> bool:
 def show_rows(
     rows: Sequence[Row],
     pipeline: Pipeline,
-    known: Registry,
+    parts: Registry,
     command: str,
     details: bool = False,
     advice: Mapping[str, Sequence[str]] | None = None,
 ) -> None:
-    """Print the values of each file, why files were not read, what was found in how many of them, and open facts.
+    """Print the values of each file, the errors of reading, the findings with their counts, and the open facts.
 
-    `advice` are more lines of help by the option of a remedy.
+    `parts` is the registry of parts, `advice` are more lines of help by the option of a remedy.
     """
-    table = row_table(rows, pipeline.tracks[0].model, known)
+    table = row_table(rows, pipeline.tracks[0].model, parts)
     shown = rows if details else rows[:MOST]
-    terminal = console(160) if details else console(WIDTH)
+    terminal = console(_DETAILS_WIDTH) if details else console(WIDTH)
     if len(rows) == 1 and not details and layout() == "table" and not rows[0].get("error"):
         for value in value_lines(table.rows[0], {}):
             terminal.print(value)
     else:
-        terminal.print(file_table(shown, pipeline, known, details).view())
+        terminal.print(file_table(shown, pipeline, parts, details).view())
     if len(shown) < len(rows):
         print_line(f"and {len(rows) - len(shown)} more: --details shows all")
         names = list(value_units(pipeline.tracks[0].model))
@@ -68,30 +69,30 @@ def show_rows(
         if row.get("error"):
             alike.setdefault(row["error"], []).append(row["curve"])
     for error, names in alike.items():
-        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        typer.echo(f"{names[0]}{others}: {error}", err=True)
+        more_files = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        typer.echo(f"{names[0]}{more_files}: {error}", err=True)
     for line in (*finding_lines(table, command, advice), *fact_lines(table, command)):
         terminal.print(coloured(line), soft_wrap=True)
 
 
-def law_line(source: Path, track: Track, known: Registry, better_laws: Sequence[str]) -> str:
+def law_line(source: Path, track: Track, parts: Registry, better_laws: Sequence[str]) -> str:
     """Return the command that compares a track's law with those that describe its record better; empty without any."""
-    laws = [law for law in better_laws if law != known.name_of(type(track.model))]
+    laws = [law for law in better_laws if law != parts.name_of(type(track.model))]
     if not laws:
         return ""
     models = ",".join([track.name.model, *laws])
     return f"a better law? {shlex.join(['palpate', 'fit', 'choose', str(source), '--models', models])}"
 
 
-def partition_line(rows: Sequence[Row], pipeline: Pipeline, known: Registry) -> str:
-    """Return how many files have which word for each value."""
-    table = row_table(rows, pipeline.tracks[0].model, known)
+def partition_line(rows: Sequence[Row], pipeline: Pipeline, parts: Registry) -> str:
+    """Return the number of files with each verdict, of each value."""
+    table = row_table(rows, pipeline.tracks[0].model, parts)
     return "\n".join(filled(table.partition(), "  "))
 
 
-def file_table(rows: Sequence[Row], pipeline: Pipeline, known: Registry, details: bool = False) -> Table:
+def file_table(rows: Sequence[Row], pipeline: Pipeline, parts: Registry, details: bool = False) -> Table:
     """Return file, track where there are several, and each value with its verdict; with `details` all other columns."""
-    values = value_table(row_table(rows, pipeline.tracks[0].model, known), whole_names=details)
+    values = value_table(row_table(rows, pipeline.tracks[0].model, parts), whole_names=details)
     if not details:
         return values
     heads = [*(head for head, _ in _DETAILS.values()), _MEASURED, "flags"]

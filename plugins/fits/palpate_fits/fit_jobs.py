@@ -29,14 +29,14 @@ class LogFit:
 
     @property
     def fitted(self) -> dict[str, TrackResult]:
-        """Tracks whose fit succeeded."""
+        """The tracks whose fit succeeded."""
         return {name: track for name, track in self.result.tracks.items() if track.report is not None}
 
 
 def fits_of(
     loaded: Sequence[tuple[str, Pipeline]], folder: Path, scheduler: str | None, stage: str | None, pictures: bool
 ) -> Iterator[tuple[str, LogFit | PalpateError]]:
-    """Yield the fit of every log, or why it failed, by its name.
+    """Yield the fit of every log, or its error, by the log's name.
 
     In the order of the logs; on the workers of a scheduler as each is ready.
     """
@@ -56,14 +56,15 @@ def fits_of(
 
 
 def _log_fit(name: str, pipeline: Pipeline, outcome: Outcome) -> LogFit | PalpateError:
+    """Return the outcome of a job as a fit, or its error."""
     return outcome if isinstance(outcome, PalpateError) else LogFit(name, pipeline, outcome.result, outcome.more)
 
 
 def fit_or_find(job: Job, pictures: bool) -> RunAnswer:
-    """Return the fits of a log with its samples; found where an earlier attempt has made them. Raises UserError."""
+    """Return the fits of a log with its samples, those of an earlier attempt if there was one. Raises UserError."""
     pipeline = job.pipeline()
-    if (found := cached_result(job)) is not None:
-        return RunAnswer(found, _samples(job.name, pipeline))
+    if (cached := cached_result(job)) is not None:
+        return RunAnswer(cached, _samples(job.name, pipeline))
     kept = SampleObserver()
     with progress(job.name, "s"):
         result = run_pipeline(pipeline, unused_folder(job.folder), report_progress, kept)
@@ -87,6 +88,7 @@ def _samples(name: str, pipeline: Pipeline) -> Samples:
 
 
 def _joined(name: str, blocks: Sequence[Samples]) -> Samples:
+    """Return blocks as one; raises LogError without any."""
     if not blocks:
         raise LogError(f"{name}: the log holds no samples")
     return Samples.joined(blocks)

@@ -39,10 +39,10 @@ def digit_weights(force: Floats) -> Floats:
 
     All are 1 where the noise exceeds half a digit.
     """
-    known = np.isfinite(force)
-    weight, digit = np.ones(len(force)), LastDigit.of(force[known])
-    if digit.exceeds_noise(force[known]):
-        weight[known] = 1.0 / np.sqrt(digit.plateau_sizes(force[known]))
+    is_finite = np.isfinite(force)
+    weight, digit = np.ones(len(force)), LastDigit.of(force[is_finite])
+    if digit.exceeds_noise(force[is_finite]):
+        weight[is_finite] = 1.0 / np.sqrt(digit.plateau_sizes(force[is_finite]))
     return weight
 
 

@@ -1,4 +1,4 @@
-"""What people see of offline fits: comparison, budget, evaluation on other logs."""
+"""Tables of offline fits: comparison, budget, evaluation on other logs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NUMBERS = ("surface\nmm", "residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorr
 
 
 def fit_overview(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
-    """Values with their verdicts; which model each record prefers; findings, open facts, how many have which word."""
+    """Yield the values with their verdicts, the model that each record prefers, findings, open facts, and counts."""
     from rich.text import Text
 
     table = logs_table(logs)
@@ -52,17 +52,18 @@ def logs_table(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> ResultTable
     return ResultTable(rows, thing="log" if len(rows) == len(logs) else "track")
 
 
-def _value(found: UncertainValue | None) -> str:
-    if found is None or not math.isfinite(found.value):
+def _value(value: UncertainValue | None) -> str:
+    """Return a value with its uncertainty, and its verdict if that is open; a dash without one."""
+    if value is None or not math.isfinite(value.value):
         return "-"
-    factor = display_unit(found.unit)[1]
-    number = value_or_fixed(found.value * factor, found.combined * factor)
-    word = found.verdict or ""
-    return f"{number} {word}" if is_open(word) else number
+    factor = display_unit(value.unit)[1]
+    number = value_or_fixed(value.value * factor, value.combined * factor)
+    verdict = value.verdict or ""
+    return f"{number} {verdict}" if is_open(verdict) else number
 
 
 def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[RenderableType]:
-    """Comparison of all fits, their evidence and flags, and the budget of each."""
+    """Yield the comparison of all fits, their evidence and flags, and the budget of each."""
     from rich.text import Text
 
     yield comparison({name: tracks for name, (tracks, _) in logs.items()}).view()
@@ -79,37 +80,38 @@ def fit_views(logs: Mapping[str, tuple[Tracks, Sequence[Flag]]]) -> Iterator[Ren
 
 
 def fits_of_a_run(result: Result) -> list[Table | str]:
-    """Comparison of the offline fits among a run's tracks, where there are several."""
+    """Return the comparison of the offline fits among a run's tracks; empty without several."""
     fits = {name: track for name, track in result.tracks.items() if track.report is not None}
     return [comparison({result.run["name"]: fits})] if len(fits) > 1 else []
 
 
 def best_fit_of_a_run(result: Result) -> list[Table | str]:
-    """Which of its offline fits the record of a run prefers, where there are several."""
+    """Return which of its offline fits the record of a run prefers; empty without several."""
     return list(filter(None, [evidence(result.tracks)]))
 
 
 def comparison(logs: Mapping[str, Tracks]) -> Table:
-    """One row for each fit: what was looked for with uncertainty, residual, evidence, autocorrelation, flags."""
+    """Return a row for each fit: unknowns with uncertainty, residual, evidence, autocorrelation, flags."""
     head = ["log"] if len(logs) > 1 else []
     units = {name: unit for tracks in logs.values() for track in tracks.values() for name, unit in _unknowns(track)}
     values = [f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items()]
-    left = [*head, "track"]
+    label_headings = [*head, "track"]
     rows = [
         [*([log] if head else []), label, *_row(track, list(units))]
         for log, tracks in logs.items()
         for label, track in tracks.items()
     ]
-    return Table.of("offline fits", [*left, *values, *_NUMBERS, "flags"], rows, [*left, "flags"])
+    return Table.of("offline fits", [*label_headings, *values, *_NUMBERS, "flags"], rows, [*label_headings, "flags"])
 
 
 def _unknowns(track: TrackResult) -> Iterator[tuple[str, str]]:
-    """Parameters, and what else a fit looked for, with their SI units."""
-    yield from ((name, found.unit) for name, found in track.parameters.items())
+    """Yield parameters and the other free unknowns of a fit but the surface, with their SI units."""
+    for name, value in track.parameters.items():
+        yield name, value.unit
     if track.report is not None:
-        yield from (
-            (name, known.unit) for name, known in track.report.unknowns.items() if known.free and name != "surface"
-        )
+        for name, unknown in track.report.unknowns.items():
+            if unknown.free and name != "surface":
+                yield name, unknown.unit
 
 
 def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
@@ -117,8 +119,8 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
     codes = " ".join(sorted({flag.code for flag in track.flags}))
     report = track.report
     if not track.usable or (report is None and not any(math.isfinite(f.value) for f in track.parameters.values())):
-        word = "not fitted" if report is None else "not usable"
-        return [*([word] * len(names)), *([""] * len(_NUMBERS)), codes]
+        reason = "not fitted" if report is None else "not usable"
+        return [*([reason] * len(names)), *([""] * len(_NUMBERS)), codes]
     cells = [_value(track.parameters[name]) if name in track.parameters else _unknown(report, name) for name in names]
     cells.append(value_or_fixed(1e3 * track.surface.value, 1e3 * track.surface.combined))  # in mm
     if report is None:  # an offline estimator that is not a fit, or reports nothing
@@ -137,20 +139,21 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
 
 
 def _unknown(report: FitReport | None, name: str) -> str:
-    """What a fit looked for in addition to the parameters of the model; nothing where it did not."""
-    known = None if report is None else report.unknowns.get(name)
-    if known is None or not known.free:
+    """Return an unknown that is no parameter of the model as text; empty where the fit does not have it."""
+    unknown = None if report is None else report.unknowns.get(name)
+    if unknown is None or not unknown.free:
         return ""
-    factor = display_unit(known.unit)[1]
-    return value_with_uncertainty(known.value * factor, (known.std or 0.0) * factor)
+    factor = display_unit(unknown.unit)[1]
+    return value_with_uncertainty(unknown.value * factor, (unknown.std or 0.0) * factor)
 
 
 def _number(value: float | None, form: str) -> str:
+    """Return a number as text; a dash without one."""
     return "-" if value is None else format(value, form)
 
 
 def evidence(tracks: Tracks) -> str:
-    """Which model the record prefers, by BIC; empty where there is nothing to compare."""
+    """Return which model the record prefers, by BIC; empty where there is nothing to compare."""
     fits = {name: track.report for name, track in tracks.items() if track.report is not None}
     bic = {name: report.bic for name, report in fits.items() if report.bic is not None}
     if len(bic) < 2:
@@ -162,17 +165,17 @@ def evidence(tracks: Tracks) -> str:
     return f"the record prefers {ranked[0]} over {behind}"
 
 
-def all_sources(track: TrackResult, own: Sequence[BudgetRow]) -> list[BudgetRow]:
-    """What adds up to the combined uncertainty: the fit's own rows in place of the estimator's, then what judges add.
+def all_sources(track: TrackResult, fit_rows: Sequence[BudgetRow]) -> list[BudgetRow]:
+    """Return the rows of the combined uncertainty: the fit's own in place of the estimator's, then those of judges.
 
-    The timing is one of theirs, where there are any.
+    The timing is one of the judges' rows, if they have any.
     """
-    others = [row for row in track.budget if row.source != "estimator"]
-    return [row for row in own if not (others and row.source.startswith(TIMING))] + others
+    judged_rows = [row for row in track.budget if row.source != "estimator"]
+    return [row for row in fit_rows if not (judged_rows and row.source.startswith(TIMING))] + judged_rows
 
 
 def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> RenderableType:
-    """Source, standard uncertainty, and for each parameter sensitivity and contribution."""
+    """Return the table of sources: standard uncertainty, and for each parameter sensitivity and contribution."""
     from rich.table import Table
 
     names = [name for name in track.parameters if name in rows[0].effects]
@@ -191,7 +194,7 @@ def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> Rendera
         table.add_row(row.source, "" if row.std is None else f"{row.std:.3g} {row.unit}".removesuffix(" 1"), *cells)
     combined = []
     for name in names:
-        found = track.parameters[name]
-        combined += ["", f"{100 * found.combined / abs(found.value):.3f}" if found.value else "?"]
+        value = track.parameters[name]
+        combined += ["", f"{100 * value.combined / abs(value.value):.3f}" if value.value else "?"]
     table.add_row("combined", "", *combined, style="bold")
     return table

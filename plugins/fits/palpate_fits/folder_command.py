@@ -47,7 +47,7 @@ from palpate_fits.folder_screen import show_folder
 from palpate_fits.new_files import add_new_files
 from palpate_fits.setup_tables import pairs_document
 
-_NAMED = 6  # new files
+_NAMED = 6  # new files that are named (choice)
 
 
 def fit_folder(path: Path, change: FitRequest) -> None:
@@ -116,7 +116,7 @@ def _show(path: Path, count: int, change: FitRequest, refused: Mapping[str, str]
 
 
 def chosen_curves(folder: FitFolder, where: str | None) -> list[str]:
-    """Names of the curves that filter words hold; raises ConfigurationError if no curve matches."""
+    """Return the names of the curves that filter words hold; raises ConfigurationError if no curve matches."""
     rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
     if not rows:
         raise ConfigurationError(f"--where {where!r}: holds of no curve" if where else f"{folder.path}: has no curves")
@@ -124,12 +124,12 @@ def chosen_curves(folder: FitFolder, where: str | None) -> list[str]:
 
 
 def stale_count(folder: FitFolder) -> int:
-    """How many curves have no row by the present settings."""
+    """Return the number of curves without a row by the present settings."""
     return len({row.curve for row in folder.rows if row.state != "current"})
 
 
 def change_folder(path: Path, change: FitRequest) -> None:
-    """Write the settings that are asked for: of some curves into own.toml, of all into the pipeline of every dialect.
+    """Write the settings of a change: of some curves into own.toml, of all into the pipeline of every dialect.
 
     Whatever is not a setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
@@ -144,11 +144,12 @@ def change_folder(path: Path, change: FitRequest) -> None:
         option = "--tip" if change.tip is not None else "--model"
         raise ConfigurationError(f"{option}: is one for all curves of a folder; leave --where out, or use --set")
     if change.overrides or change.unset:
-        own = dict(folder.own)
-        own |= {name: change_assignments(own.get(name, ()), change.overrides, change.unset) for name in names}
-        for kind in {(folder.dialect_of(name), own[name]) for name in names}:
-            _demand_fits(dialect_source(folder, *kind))
-        write_own(path, own)
+        assignments = dict(folder.own)
+        for name in names:
+            assignments[name] = change_assignments(folder.own.get(name, ()), change.overrides, change.unset)
+        for dialect, changed in {(folder.dialect_of(name), assignments[name]) for name in names}:
+            _demand_fits(dialect_source(folder, dialect, changed))
+        write_own(path, assignments)
 
 
 @dataclass(frozen=True)
@@ -190,18 +191,18 @@ def _new_pipeline(folder: FitFolder, dialect: str, change: FitRequest, facts: Ri
     # A fact that the pipeline leaves open stays in rig.toml; whatever else is set stands in the pipeline.
     left_open = facts_left_open(source.tables, facts, registry.load())
     open_keys = {parsed_assignment(assignment)[0] for assignment in left_open}
-    own = [text for text in change.overrides if parsed_assignment(text)[0] not in open_keys]
-    for assignment in own:
+    overrides = [text for text in change.overrides if parsed_assignment(text)[0] not in open_keys]
+    for assignment in overrides:
         source.override(assignment)
     pipeline = _demand_fits(source)
-    text = resolved_text(pipeline, folder.path) if own or change.tip or change.model else ""
+    text = resolved_text(pipeline, folder.path) if overrides or change.tip or change.model else ""
     if left_open:
         _demand_fits(dialect_source(folder, dialect, left_open, text))
     return _NewPipeline(text, columns_of_fits(offline(pipeline)))
 
 
 def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
-    """The facts that are stated, or with None taken back, of all curves; raises ConfigurationError."""
+    """Return the facts of all curves that are stated, or taken back (None); raises ConfigurationError."""
     asked = {*facts_stated().values()}
     stated = dict(map(parsed_assignment, change.overrides))
     answers = {keys[1]: value for keys, value in stated.items() if keys[0] == "rig" and keys[1] in asked}
@@ -218,7 +219,7 @@ def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
 
 
 def _demand_fits(source: Source) -> Pipeline:
-    """The pipeline whose fits can begin; raises ConfigurationError where they cannot."""
+    """Return the pipeline whose fits can begin; raises ConfigurationError where they cannot."""
     pipeline = build_pipeline(source)
     for _ in start_tracks(offline(pipeline)):
         pass

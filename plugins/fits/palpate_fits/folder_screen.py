@@ -24,8 +24,8 @@ def show_folder(folder: FitFolder, pairs: Sequence[SetupPair], refused: Mapping[
     rows = sorted(folder.cells, key=lambda row: places[row["curve"]])
     rows += [{"curve": name, "error": error} for name, error in refused.items()]
     command = shlex.join(["palpate", "fit", str(folder.path)])
-    pipeline, known = dialect_pipeline(folder), registry.load()
+    pipeline, parts = dialect_pipeline(folder), registry.load()
     print_line(title_line(counted(len(folder.names), "file")))
-    show_rows(rows, pipeline, known, command, details, list_advice(folder.path))
+    show_rows(rows, pipeline, parts, command, details, list_advice(folder.path))
     show_pairs(pairs)
-    print_line(partition_line(rows, pipeline, known))
+    print_line(partition_line(rows, pipeline, parts))

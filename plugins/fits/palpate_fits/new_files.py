@@ -40,27 +40,27 @@ _OF_RECORD = ("tare", "tare_duration")  # keys of the alignment that a record su
 
 
 def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
-    """List the new files in the folder of the curves, each in the dialect in which it is written.
+    """List the new files in the folder of the curves, each in its dialect.
 
-    Their names, and why the others cannot be read. Raises UserError for a folder that is damaged.
+    Return their names, and why the others cannot be read. Raises UserError for a folder that is damaged.
     """
     folder = FitFolder(path)
     place = folder.curves_folder
     if place is None or not place.is_dir():
         return [], {}
-    known = registry.load()
-    there = {(curve.file, curve.record) for curve in folder.curves()}
-    before = _prefix(folder, place)
+    part_registry = registry.load()
+    listed = {(curve.file, curve.record) for curve in folder.curves()}
+    prefix = _prefix(folder, place)
     added: list[str] = []
     refused: dict[str, str] = {}
-    for part in (part for log in logs_among([place], known) for part in specimens_of(log, known)):
-        if (str(part.path), part.part) in there:
+    for part in (part for log in logs_among([place], part_registry) for part in specimens_of(log, part_registry)):
+        if (str(part.path), part.part) in listed:
             continue
-        name = f"{before}{LogPart(part.path.relative_to(place), part.part)}"
+        name = f"{prefix}{LogPart(part.path.relative_to(place), part.part)}"
         curve = Curve(name, str(part.path), record=part.part)
         facts = file_facts([place], [curve], StatedFacts(RigFacts(), path / RIG))
         try:
-            dialect = _dialect(folder, part, facts.of(name).facts, known)
+            dialect = _dialect(folder, part, facts.of(name).facts, part_registry)
         except UserError as error:
             refused[name] = str(error).removeprefix(f"{part.path}: ")
             continue
@@ -71,26 +71,26 @@ def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
 
 
 def _prefix(folder: FitFolder, place: Path) -> str:
-    """What stands before the files of curves in their names: the folder as it was given."""
+    """Return the folder as it was given, with which the names of curves begin."""
     for curve in folder.curves():
         if place not in Path(curve.file).parents:
             continue
-        rest = str(LogPart(Path(curve.file).relative_to(place), curve.record))
-        if curve.name.endswith(rest):
-            return curve.name.removesuffix(rest)
+        suffix = str(LogPart(Path(curve.file).relative_to(place), curve.record))
+        if curve.name.endswith(suffix):
+            return curve.name.removesuffix(suffix)
     return ""
 
 
-def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, known: Registry) -> str:
+def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, part_registry: Registry) -> str:
     """Return the dialect in which a file is written, a new one where it matches none of the others; raises
     UserError."""
-    other: str | None = None
+    new_text: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone
         tables = toml_tables(folder.settings_text(name or ""))
         choices = _choices(tables["device"][DEVICE]) if name is not None else {}
         try:
-            suggestion = suggestion_by_facts(part.path, facts, {**choices, **part.choices}, known)
+            suggestion = suggestion_by_facts(part.path, facts, {**choices, **part.choices}, part_registry)
             if (question := question_of_file(suggestion, {})) is not None and (question.needed or name is None):
                 raise ConfigurationError(question.advice)
             text = resolved_text(_pipeline(folder, tables, suggestion), folder.path)
@@ -99,12 +99,12 @@ def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, known: Registry)
             continue
         if name is not None and not differences(text, folder.settings_text(name), reading_keys(DEVICE)):
             return name
-        other = other or text
-    if other is None:
+        new_text = new_text or text
+    if new_text is None:
         assert problem is not None
         raise problem
     new = next(name for k in range(2, len(folder.dialects) + 3) if (name := f"d{k}") not in folder.dialects)
-    write_dialects(folder.path / SETTINGS, {new: other})
+    write_dialects(folder.path / SETTINGS, {new: new_text})
     return new
 
 
@@ -115,11 +115,11 @@ def _choices(device: Mapping[str, Any]) -> dict[str, str]:
         signals = device["signals"]
         return {role: f"{signals[role]['topic']}:{_field(signals[role])}" for role in ROLES if role in signals}
     columns = device.get("columns", {})
-    found = {role: str(columns[role]["column"]) for role in ROLES if role in columns}
-    found |= {f"{UNITS}{column['column']}": f"{column['scale']:g} {column['unit']}" for column in columns.values()}
+    choices = {role: str(columns[role]["column"]) for role in ROLES if role in columns}
+    choices |= {f"{UNITS}{column['column']}": f"{column['scale']:g} {column['unit']}" for column in columns.values()}
     if "time" in device:
-        found["time"] = str(device["time"]["column"])
-    return found | ({"rate": f"{device['rate']} Hz"} if "rate" in device else {})
+        choices["time"] = str(device["time"]["column"])
+    return choices | ({"rate": f"{device['rate']} Hz"} if "rate" in device else {})
 
 
 def _field(signal: Mapping[str, Any]) -> str:

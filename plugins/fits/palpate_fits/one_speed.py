@@ -18,11 +18,12 @@ from palpate_fits.solvers import Solution, solve_lm
 from palpate_fits.uncertainty import ResidualScatter
 from palpate_fits.unknowns import Unknowns, at_physical_bounds
 
-SIGMAS = 2.0  # standard uncertainties within which a value may be none
+SIGMAS = 2.0  # standard uncertainties within which a value may be 0 (choice)
 CURVED = 2.0  # ratio of uncertainties at 0 and at the estimate, from which on the latter is made by curvature (choice)
 MIRRORED = 0.1  # of the size of a viscosity below none: one above it and smaller is at the bound, no minimum (choice)
-SAMPLES = 4000  # whose slopes are taken
-SINGULAR = 1e-12  # of the largest eigenvalue of scaled slopes, below which a direction does not count
+SAMPLES = 4000  # whose slopes are taken (choice)
+SINGULAR = 1e-12  # of the largest eigenvalue of scaled slopes (choice), below which a direction does not count
+_SMALLEST = 1e-300  # in a quotient, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def with_possible_viscosity(
 
 def _is_flatter(residual: Residual, record: FitRecord, solution: Solution, possible: Solution, j: int) -> bool:
     """Return True if the variance of the j-th free unknown by the slopes at a possible solution is far larger."""
-    variances = [scaled_inverse(residual.normal(record, each.x)[1:, 1:])[j, j] for each in (solution, possible)]
+    variances = [scaled_inverse(residual.normal(record, fit.x)[1:, 1:])[j, j] for fit in (solution, possible)]
     return bool(variances[1] > CURVED**2 * variances[0])
 
 
@@ -115,11 +116,15 @@ def _std_if_none(fit: FitOutcome, scatter: ResidualScatter, j: int) -> tuple[flo
         return np.inf, 1.0
     lengths[~(lengths > 0)] = 1.0
     scaled = square / (lengths[:, None] * lengths)
-    others = np.delete(np.arange(len(scaled)), j)
-    followed = scaled[j, others] @ symmetric_inverse(scaled[np.ix_(others, others)], SINGULAR) @ scaled[others, j]
+    other_unknowns = np.delete(np.arange(len(scaled)), j)
+    followed_share = (
+        scaled[j, other_unknowns]
+        @ symmetric_inverse(scaled[np.ix_(other_unknowns, other_unknowns)], SINGULAR)
+        @ scaled[other_unknowns, j]
+    )
     rate = fit.record.rate[fit.record.used]
-    noise = fit.motion.rate_noise**2 / max(float(np.mean(rate**2)), 1e-300)
-    share, alone = 1.0 - float(followed) - noise, _spread(scatter) / float(lengths[j])
+    noise = fit.motion.rate_noise**2 / max(float(np.mean(rate**2)), _SMALLEST)
+    share, alone = 1.0 - float(followed_share) - noise, _spread(scatter) / float(lengths[j])
     return alone / np.sqrt(share) if share > 0 else np.inf, alone
 
 
@@ -137,14 +142,16 @@ def _interval(
     upper = max(profile.upper_end(place, SIGMAS, step, spread) or 0.0, value)
     lower = 0.0 if fit.begins_in_contact() else profile.end_above(place, 0.0, SIGMAS, spread)
     # Covariance of the others if this one were known.
-    others = np.delete(np.arange(len(estimate)), j)
+    other_unknowns = np.delete(np.arange(len(estimate)), j)
     normal = fit.residual.normal(fit.record, fit.solution.x)[1:, 1:]
     covariance = np.zeros_like(normal)
-    covariance[np.ix_(others, others)] = spread**2 * scaled_inverse(normal[np.ix_(others, others)])
+    covariance[np.ix_(other_unknowns, other_unknowns)] = spread**2 * scaled_inverse(
+        normal[np.ix_(other_unknowns, other_unknowns)]
+    )
     # What it does to them, at the end that is farther in units of that; twice this shift leads there.
-    std = np.sqrt(covariance.diagonal()[others])
+    std = np.sqrt(covariance.diagonal()[other_unknowns])
     shifts = [(profile.with_held(place, end) - estimate) / SIGMAS for end in (lower, upper)]
-    shift = max(shifts, key=lambda one: float(np.linalg.norm(one[others] / np.maximum(std, 1e-300))))
+    shift = max(shifts, key=lambda moved: float(np.linalg.norm(moved[other_unknowns] / np.maximum(std, _SMALLEST))))
     reach = upper if lower == 0.0 else max(upper - value, value - lower)
     shift[j] = np.copysign(reach / SIGMAS, shift[j])
     return OneSpeedInterval(lower, upper, covariance + np.outer(shift, shift))

@@ -94,22 +94,23 @@ class FitRecord:
             history[1:, 2] += smooth[:-1]
         return replace(self, height=self.height + step, rate=self.rate + rate_step, history=history)
 
-    def thinned(self, most: int) -> FitRecord:
-        """Return about `most` samples, one from each stretch of equal length.
+    def thinned(self, count: int) -> FitRecord:
+        """Return about `count` samples, one from each stretch of equal length.
 
         The place in the k-th stretch is the fraction of k times the golden ratio, so that no period of the motion meets
         the same phase each time.
         """
-        length = len(self) / most
+        length = len(self) / count
         if length <= 1:
             return self
-        if most not in self._thinned:
-            stretch = np.arange(most)
-            self._thinned[most] = self.selected(((stretch + stretch * _GOLDEN_RATIO % 1.0) * length).astype(int))
-        return self._thinned[most]
+        if count not in self._thinned:
+            stretch = np.arange(count)
+            self._thinned[count] = self.selected(((stretch + stretch * _GOLDEN_RATIO % 1.0) * length).astype(int))
+        return self._thinned[count]
 
     @cached_property
     def _thinned(self) -> dict[int, FitRecord]:
+        """Thinned records so far, by their number of samples."""
         return {}
 
 

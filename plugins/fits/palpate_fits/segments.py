@@ -40,21 +40,21 @@ def _parse_window(part: str, text: str) -> Window:
     """Return the window of one `part` of a text, such as "0.5 s..2 s"; raises ConfigurationError."""
     if part in WORDS:
         return Window(part)
-    what = next((kind for kind in _KINDS if part.startswith(kind)), "time")
-    begin, dots, end = (words.strip() for words in part.removeprefix(what).partition(".."))
+    quantity = next((name for name in _KINDS if part.startswith(name)), "time")
+    begin, dots, end = (text_part.strip() for text_part in part.removeprefix(quantity).partition(".."))
     if not (begin and dots and end):
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is not one of {_ALLOWED}")
     try:
-        if what == "cycles":
+        if quantity == "cycles":
             low, high = float(int(begin)), float(int(end))
         else:
-            unit = "m" if what == "depth" else "s"
+            unit = "m" if quantity == "depth" else "s"
             low, high = (to_si(float(m) if is_number(m) else m, unit) for m in (begin, end))
     except ValueError as error:
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {error}") from error
-    if low >= high and not (what == "cycles" and low == high):
+    if low >= high and not (quantity == "cycles" and low == high):
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is empty, it ends before it begins")
-    return Window(what, low, high)
+    return Window(quantity, low, high)
 
 
 @dataclass(frozen=True)

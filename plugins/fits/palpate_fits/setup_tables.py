@@ -1,4 +1,4 @@
-"""Tips and depths on one specimen as people and programs read them: E_n of each pair, and one sentence."""
+"""Tables of tips and depths on one specimen: E_n of each pair, and one sentence."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from palpate_kit.curves.shared_specimen import SPECIMEN, SetupPair, agreement_se
 from palpate_kit.terminal.layout import print_line
 from palpate_kit.terminal.table import Table, console
 
-SHOWN_PAIRS = 24  # on the terminal, those that agree least
+SHOWN_PAIRS = 24  # on the terminal (choice), those that agree least
 
 
 def show_pairs(pairs: Sequence[SetupPair]) -> None:
@@ -31,8 +31,13 @@ def pair_table(pairs: Sequence[SetupPair]) -> Table:
         ]
         for pair in pairs
     ]
-    left = [SPECIMEN, "tip and depth"]
-    return Table.of("two tips or depths on one specimen", [*left, *(f"{name}\nE_n" for name in names)], rows, left)
+    label_headings = [SPECIMEN, "tip and depth"]
+    return Table.of(
+        "two tips or depths on one specimen",
+        [*label_headings, *(f"{name}\nE_n" for name in names)],
+        rows,
+        label_headings,
+    )
 
 
 def pairs_document(pairs: Sequence[SetupPair]) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from palpate_kit.runs.rig_file import write_rig
 from palpate_fits.file_pipelines import DEVICE, FileGroup
 from palpate_fits.file_questions import FileQuestion
 
-_MOST = 6  # questions about the rig
+# Choices.
+_MAX_QUESTIONS = 6  # about the rig
 _TRIALS = 3  # curves that are fitted for the size of the effects
 _ATTEMPTS = 3  # answers to one question
 Ask = Callable[[str], str]
@@ -49,7 +50,7 @@ def ask_fact(stated: StatedFacts, key: str, effect: str, ask: Ask) -> StatedFact
 def _asked(
     stated: StatedFacts, text: str, facts_of: Callable[[str], dict[str, Any]], ask: Ask, guess: str = ""
 ) -> StatedFacts:
-    """What is stated with the facts of an answer, asked until it is one; an empty one is the guess, or none."""
+    """Return the stated facts with those of an answer, asked until it is one; an empty one is the guess, or none."""
     for _ in range(_ATTEMPTS):
         if not (answer := ask(text) or guess):
             break
@@ -73,12 +74,12 @@ def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask
         if (question.key, question.name) in answered:  # one column of two dialects, which mean it in different units
             continue
         answered.add((question.key, question.name))
-        others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        more_files = f" and {len(names) - 1} more" if len(names) > 1 else ""
         consequence = "not known"  # of no answer
         if question.needed:
-            consequence = "they are not read" if others else "it is not read"
+            consequence = "they are not read" if more_files else "it is not read"
         default = question.guess or consequence
-        text = f"{names[0]}{others}: {question.text}. Which is it? [Enter: {default}]"
+        text = f"{names[0]}{more_files}: {question.text}. Which is it? [Enter: {default}]"
         stated = _asked(stated, text, partial(_answered, stated, question), ask, question.guess)
     return stated
 
@@ -96,35 +97,37 @@ def _answered(stated: StatedFacts, question: FileQuestion, answer: str) -> dict[
 
 
 def ask_of_rig(facts: FileFacts, groups: Sequence[FileGroup], ask: Ask) -> StatedFacts:
-    """The facts that nobody has stated, most effective first, at most six; only those that were put are not known.
+    """Return the facts with the answers of a person to at most six open ones, the most effective first.
 
-    What ``curves.csv`` states of every curve is not open.
+    A fact that was asked and not answered counts as not known. One that ``curves.csv`` states of every curve is not
+    open.
     """
     stated = facts.stated
     of_curves = [facts.of(curve.name) for group in groups for curve in group.curves]
-    left = [key for key in facts_stated().values() if any(_is_open(of_curve, key) for of_curve in of_curves)]
-    if not left:
+    open_keys = [key for key in facts_stated().values() if any(_is_open(of_curve, key) for of_curve in of_curves)]
+    if not open_keys:
         return stated
-    asked = [fact for fact in _open_facts(facts, groups) if fact.key in left][:_MOST]
+    asked = [fact for fact in _open_facts(facts, groups) if fact.key in open_keys][:_MAX_QUESTIONS]
     for fact in asked:
         stated = ask_fact(stated, fact.key, f"not known; {fact.effect}", ask)
-    open_keys = [fact.key for fact in asked if getattr(stated.facts, fact.key) is None]
-    return stated.answered(not_known=(*stated.facts.not_known, *open_keys)) if open_keys else stated
+    unanswered = [fact.key for fact in asked if getattr(stated.facts, fact.key) is None]
+    return stated.answered(not_known=(*stated.facts.not_known, *unanswered)) if unanswered else stated
 
 
 def _is_open(stated: StatedFacts, key: str) -> bool:
+    """Return True if nobody has stated a fact, or that it is not known."""
     return getattr(stated.facts, key) is None and key not in stated.facts.not_known
 
 
 def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenFact]:
-    """Return the open facts of the first curves that can be fitted; of none, what a contact is found by."""
+    """Return the open facts of the first curves that can be fitted; without any, those that a contact needs."""
     tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
         reader = CurveReader(group.text, str(group.path), facts.stated.overrides, DEVICE, approved_plugins())
         try:
-            own = tuple(facts.of(curve.name).listed_assignments)
-            outcome = curve_outcome(record_tracks(reader, own), DEVICE, curve)
+            assignments = tuple(facts.of(curve.name).listed_assignments)
+            outcome = curve_outcome(record_tracks(reader, assignments), DEVICE, curve)
         except PalpateError:
             continue
         track = next(iter(outcome.result.tracks.values()))
@@ -133,7 +136,7 @@ def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenF
 
 
 def keep_answers(stated: StatedFacts) -> None:
-    """Write what was answered into the file of facts, a new one with what the command line states; and say so."""
+    """Write the answers into the file of facts, a new one with the facts of the command line; and report it."""
     keys = stated.answers | (frozenset() if stated.is_read else stated.of_options)
     if not stated.answers:
         return

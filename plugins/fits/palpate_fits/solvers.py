@@ -73,9 +73,9 @@ def solve_trf(
     record: FitRecord,
     x: Floats,
     loss: LossFunction,
-    most: int = _MAX_EVALUATIONS,
+    max_evaluations: int = _MAX_EVALUATIONS,
 ) -> Solution:
-    """Return the minimum by trust-region reflective (Branch, Coleman and Li 1999; scipy), in `most` evaluations.
+    """Return the minimum by trust-region reflective (Branch, Coleman and Li 1999; scipy), in `max_evaluations`.
 
     It works on the triangular factor of [J, r], which has the cost, the gradient and the J^T J of the whole, so the
     steps are those of the whole problem.
@@ -100,7 +100,7 @@ def solve_trf(
         ftol=_COST_TOLERANCE,
         xtol=_STEP_TOLERANCE,
         gtol=_GRADIENT_TOLERANCE,
-        max_nfev=most,
+        max_nfev=max_evaluations,
     )
     full = x.copy()
     full[free] = np.clip(minimum.x * scale, low, high)

@@ -78,9 +78,9 @@ class FitTracker:
 
         if not len(samples):
             return Estimates.idle(samples, len(self._problem.model.parameters))
-        known = np.isfinite(samples.position)
-        if not known.all():
-            return _of_all_samples(self.run(samples[known]), samples, known)
+        has_position = np.isfinite(samples.position)
+        if not has_position.all():
+            return _of_all_samples(self.run(samples[has_position]), samples, has_position)
         try:
             return estimates_of(self.fit(samples))
         except NotFitted as refusal:
@@ -313,11 +313,11 @@ def _late_inertia(record: FitRecord, unknowns: Unknowns, x: Floats) -> FitRecord
     return record.with_force(record.force + mass * (record.acceleration - delayed))
 
 
-def _of_all_samples(estimates: Estimates, samples: Samples, known: Rows) -> Estimates:
+def _of_all_samples(estimates: Estimates, samples: Samples, has_position: Rows) -> Estimates:
     """Return estimates of the samples whose position is known as estimates of all samples, idle at the others."""
     whole = Estimates.idle(samples, estimates.values.shape[1])
     for name in ("values", "std", "surface", "surface_std", "force", "nis", "status", "innovation"):
-        getattr(whole, name)[known] = getattr(estimates, name)
+        getattr(whole, name)[has_position] = getattr(estimates, name)
     return replace(
         whole,
         details=estimates.details,

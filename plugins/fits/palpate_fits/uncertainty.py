@@ -150,18 +150,18 @@ def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
     # What the fit has taken.
     area = 2.0 * float(_weights(reach, len(gamma)).sum()) - 1.0
     taken_share = min(fitted * area / m, _MAX_TAKEN_SHARE)
-    taken = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - taken_share)
-    return gamma + taken, reach
+    correction = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - taken_share)
+    return gamma + correction, reach
 
 
 @lru_cache(256)
-def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
-    """Return the weights of the lags, `most` at most: flat up to the reach, then falling to 0 at twice of it.
+def _weights(reach: int, count: int, tapered: bool = False) -> Floats:
+    """Return the weights of at most `count` lags: flat up to the reach, then falling to 0 at twice of it.
 
     Or `tapered`, falling from the start to 0. Of the two only the latter makes no variance negative.
     Sources: Politis and Romano 1995; Bartlett 1950.
     """
-    lags = np.arange(min(2 * reach + 1, most))
+    lags = np.arange(min(2 * reach + 1, count))
     if tapered:
         return 1.0 - lags / len(lags)
     return np.clip(2.0 - lags / max(reach, 1), 0.0, 1.0)
@@ -199,17 +199,17 @@ def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) 
 
 
 @cache
-def _smooth_length(least: int) -> int:
-    """Return the least 2^a 3^b 5^c from `least` on, over which a Fourier transform is fast."""
-    best = 1 << max(least - 1, 1).bit_length()
+def _smooth_length(min_length: int) -> int:
+    """Return the least 2^a 3^b 5^c from `min_length` on, over which a Fourier transform is fast."""
+    length = 1 << max(min_length - 1, 1).bit_length()
     five = 1
-    while five < best:
+    while five < length:
         three = five
-        while three < best:
-            best = min(best, three << max(-(-least // three) - 1, 0).bit_length())
+        while three < length:
+            length = min(length, three << max(-(-min_length // three) - 1, 0).bit_length())
             three *= 3
         five *= 5
-    return best
+    return length
 
 
 def mean_uncertainty(values: Floats) -> float:

@@ -38,6 +38,7 @@ from palpate_fits.fit_sources import leave_out, named_pipelines
 from palpate_fits.fit_tables import fit_overview, fit_views
 
 _FIT = "fit.json"
+_DETAILS_WIDTH = 160  # characters
 
 
 def fit_logs(
@@ -45,7 +46,7 @@ def fit_logs(
     evaluated: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
     cycles: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
 ) -> None:
-    """Fit logs, and print what was found and what more is worked out of the fits; exit 1 where a log failed."""
+    """Fit logs, and print the fits, their evaluation on other logs, and their cycles; exit 1 where a log failed."""
     demand_scheduler(asked.scheduler, asked.stage)
     failures: dict[str, PalpateError] = {}
     folder, logs = _fitted(asked, failures)
@@ -61,9 +62,9 @@ def fit_logs(
 
 
 def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
-    """Return the folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
+    """Return the folder, and the fitted logs in the order of the sources; `failures` gets the errors of the others.
 
-    What is found is written down log by log. Raises UserError where no log was fitted.
+    ``fit.json`` is written after each log. Raises UserError where no log was fitted.
     """
     sources, reader = asked.sources, asked.pipeline
     if asked.scheduler is not None:  # workers stand elsewhere
@@ -72,10 +73,10 @@ def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path,
         loaded = named_pipelines(sources, reader, list(asked.overrides), failures)
     if asked.details:
         for name, pipeline in loaded:
-            told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-            typer.echo(f"{name}: assumed exact: {told}", err=True)
+            assumptions = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+            typer.echo(f"{name}: assumed exact: {assumptions}", err=True)
     names = [name for name, _ in loaded]
-    gone_on_with = asked.out is not None and (asked.out / _FIT).is_file()
+    continues = asked.out is not None and (asked.out / _FIT).is_file()
     folder = _folder(asked.out, names)
     logs: list[LogFit] = []
     for name, outcome in fits_of(loaded, folder, asked.scheduler, asked.stage, asked.pictures):
@@ -84,36 +85,37 @@ def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path,
             continue
         logs.append(outcome)
         logs.sort(key=lambda log: names.index(log.name))
-        _write(folder, _document(logs, [], []))  # what is found until now
+        _write(folder, _document(logs, [], []))  # the logs so far
     if not logs:
-        if not gone_on_with:
+        if not continues:
             withdraw_folder(folder)
         raise next(iter(failures.values()))
     return folder, logs
 
 
-def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
+def _folder(out: Path | None, names: Sequence[str]) -> Path:
     """Return a new folder, or one that holds fits of none but these logs; raises OutputError."""
-    if wanted is None or not (wanted / _FIT).is_file():
-        folder = make_folder("fit", wanted, datetime.now(UTC).astimezone())
+    if out is None or not (out / _FIT).is_file():
+        folder = make_folder("fit", out, datetime.now(UTC).astimezone())
         _write(folder, _document([], [], []))
         return folder
     try:
-        known = list(json_document(bounded_text(wanted / _FIT))["logs"])
+        fitted_names = list(json_document(bounded_text(out / _FIT))["logs"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{wanted / _FIT}: is not a document of palpate fit: {error}") from error
-    if others := [name for name in known if name not in names]:
-        raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
-    return wanted
+        raise OutputError(f"{out / _FIT}: is not a document of palpate fit: {error}") from error
+    if foreign := [name for name in fitted_names if name not in names]:
+        raise OutputError(f"{out}: holds fits of {', '.join(foreign)}, which is not among these; nothing is mixed")
+    return out
 
 
 def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
-    terminal = console(160) if details else console()
+    """Print the fits: the facts, the values with their verdicts, with `details` all numbers."""
+    terminal = console(_DETAILS_WIDTH) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
     if layout() == "table":
-        _print_words(title_line(logs[0].name if len(logs) == 1 else counted(len(logs), "log")))
+        _print_text(title_line(logs[0].name if len(logs) == 1 else counted(len(logs), "log")))
         motions = [motion_numbers(table) for log in logs if (table := _motion(log))]
-        _print_words("\n".join(filled(fact_line([(log.pipeline, 1) for log in logs], motions))))
+        _print_text("\n".join(filled(fact_line([(log.pipeline, 1) for log in logs], motions))))
     for view in fit_views(tables) if details else fit_overview(tables):
         print_view(terminal, view)
     if document["evaluation"]:
@@ -121,18 +123,19 @@ def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, detail
     if document["cycles"]:
         terminal.print(by_cycle(document["cycles"]))
     for log in logs if details else []:
-        _print_words("\n".join(stiffness_lines(log.result)))
-    _print_words(_law_words(logs))
+        _print_text("\n".join(stiffness_lines(log.result)))
+    _print_text(_law_words(logs))
     terminal.print(f"written to {folder}", highlight=False, markup=False, soft_wrap=True)
 
 
-def _print_words(words: str) -> None:
-    if words:
-        console().print(words, highlight=False, markup=False, soft_wrap=True)
+def _print_text(text: str) -> None:
+    """Print a text as it is, without breaking its lines; nothing of an empty one."""
+    if text:
+        console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def _motion(log: LogFit) -> Mapping[str, Any]:
-    """Return the table of what the first track of a log measured; empty where it was not on a point."""
+    """Return the motion that the first track of a log measured; empty of one along the surface."""
     track = next(iter(log.result.tracks.values()), None)
     return {} if track is None else track.diagnoses.get("motion", {})
 
@@ -148,6 +151,7 @@ def _law_words(logs: Sequence[LogFit]) -> str:
 
 
 def _write(folder: Path, document: dict[str, Any]) -> None:
+    """Write ``fit.json``."""
     write_whole(folder / _FIT, json.dumps(document, indent=2, allow_nan=False) + "\n")
 
 

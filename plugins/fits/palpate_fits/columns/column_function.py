@@ -1,8 +1,8 @@
-"""A function of samples and settings over whole columns: its values, or the sum of their products.
+"""Functions of samples and settings over whole columns: their values, or the sums of their products.
 
 The sum over n samples of y y^T is all that least squares needs of a residual and its slopes y, in memory that does not
-grow. Four samples are worked on at a time, each of them in one of four sums, in LLVM as in CasADi's virtual machine, so
-that both give the same bits.
+grow. Four samples are added at a time, each to one of four sums, in LLVM as in CasADi's virtual machine, so that both
+give the same bits.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from palpate_fits.columns.column_table import LANES, ColumnTable
 from palpate_fits.columns.compiled_columns import CompiledColumns
 from palpate_fits.columns.half_powers import with_roots
 
-_BLOCK = 8192  # samples in one sum; sums of sums keep the rounding small
-PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
+_BLOCK = 8192  # samples in one sum (choice); sums of sums keep the rounding small
+PAYS = 20_000  # samples, from which on LLVM is faster than the virtual machine, the load of its code included
 
 
 class ColumnKernel(Protocol):
-    """A function over columns, its settings (np,) or (m, np) contiguous."""
+    """A function over columns; its settings (np,) or (m, np) are contiguous."""
 
     def values(self, table: ColumnTable, settings: Floats) -> Floats:
-        """Values (ny, n)."""
+        """Return the values (ny, n)."""
         ...
 
     def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
-        """Of each settings and each block of `length` rows the sums (m, blocks, q, LANES) of products of values."""
+        """Return the sums (m, blocks, q, LANES) of products of values, of each settings and block of `length` rows."""
         ...
 
 
@@ -40,6 +40,7 @@ class ColumnFunction:
     """y (ny,) of a sample (nw,) and settings (np,), given as CasADi symbols; compiled once it has been used enough."""
 
     def __init__(self, sample: Any, settings: Any, output: Any) -> None:
+        """Take a function y of symbols, which runs on the virtual machine until it has seen enough samples."""
         import casadi
 
         none = casadi.SX.sym("none")
@@ -48,16 +49,17 @@ class ColumnFunction:
         self._function = with_roots(function)
         self._used, self._width = 0, int(output.numel())
         self._kernel: ColumnKernel = _OnVirtualMachine(self._function)
-        self._upper = np.zeros((self._width, self._width), np.intp)  # which of the sums stands where
+        # The place of each product y_i y_j among the sums, which have each pair once.
+        self._upper = np.zeros((self._width, self._width), np.intp)
         first, second = np.triu_indices(self._width)
         self._upper[first, second] = self._upper[second, first] = np.arange(len(first))
 
     def values(self, table: ColumnTable, settings: Floats) -> Floats:
-        """Values (ny, n) at every row of a table."""
+        """Return the values (ny, n) at every row of a table."""
         return self._used_for(len(table)).values(table, np.ascontiguousarray(settings, np.float64))
 
     def products(self, table: ColumnTable, settings: Floats) -> Floats:
-        """Sum of y y^T over a table: (ny, ny) for settings (np,), (m, ny, ny) for settings (m, np)."""
+        """Return the sum of y y^T over a table: (ny, ny) for settings (np,), (m, ny, ny) for settings (m, np)."""
         many = np.ascontiguousarray(settings, np.float64).reshape(-1, settings.shape[-1])
         lanes = self._used_for(len(table) * len(many)).lanes(table, many, _BLOCK)
         blocks = (lanes[..., 0] + lanes[..., 1]) + (lanes[..., 2] + lanes[..., 3])
@@ -65,6 +67,7 @@ class ColumnFunction:
         return total.take(self._upper, axis=1) if settings.ndim == 2 else total[0].take(self._upper)
 
     def _used_for(self, samples: int) -> ColumnKernel:
+        """Count samples, and return the kernel: compiled from the call on that reaches `PAYS`."""
         before, self._used = self._used, self._used + samples
         if before < PAYS <= self._used:
             self._kernel = _compiled(self._function) or self._kernel
@@ -72,6 +75,7 @@ class ColumnFunction:
 
 
 def _compiled(function: Any) -> ColumnKernel | None:
+    """Return a function as machine code; None where LLVM is not chosen, or cannot compile it."""
     if kernel_choice()[0] != "llvm":
         return None
     try:
@@ -96,13 +100,16 @@ class _OnVirtualMachine:
     def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
         """See `ColumnKernel`."""
         starts = range(0, len(table), length)
-        found = [[self._sums(table.part(start, start + length), one) for start in starts] for one in settings]
-        return np.array(found).reshape(len(settings), len(starts), len(self._upper[0]), LANES)
+        sums = []
+        for row in settings:
+            sums.append([self._sums(table.part(start, start + length), row) for start in starts])
+        return np.array(sums).reshape(len(settings), len(starts), len(self._upper[0]), LANES)
 
     def _sums(self, table: ColumnTable, settings: Floats) -> Floats:
+        """Return the sums (q, LANES) of products y_i y_j over a table, the k-th sample in the lane k mod 4."""
         values = self.values(table, settings)
         first, second = self._upper
-        with np.errstate(all="ignore"):  # what is not finite is the caller's to see
+        with np.errstate(all="ignore"):  # the caller looks at numbers that are not finite
             products = np.ascontiguousarray((values[first] * values[second]).T)
             whole = len(products) // LANES * LANES
             sums = np.add.reduce(products[:whole].reshape(-1, LANES, len(first)), axis=0)

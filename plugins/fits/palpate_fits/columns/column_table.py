@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-LANES = 4  # samples that are worked on at a time
+LANES = 4  # samples that are added at a time (choice)
+_DOUBLE = 8  # [bytes]
 
 
 class ColumnTable:
@@ -22,16 +23,16 @@ class ColumnTable:
         return len(self.columns[0])
 
     def part(self, begin: int, end: int) -> ColumnTable:
-        """Rows from begin to end; shares their memory."""
+        """Return the rows from begin to end, which share the memory of the table."""
         return ColumnTable([column[begin:end] for column in self.columns])
 
     def addresses(self, length: int) -> list[tuple[int, Any, int]]:
-        """Of each block of `length` rows at most: how many they are, where the columns begin, and where that stands."""
+        """Return count, addresses of the columns, and the address of these, of each block of at most `length` rows."""
         if length not in self._addresses:
             begins = np.array([column.ctypes.data for column in self.columns], np.uintp)
             count = len(self)
             starts = range(0, count, length)
-            places = [begins + np.uintp(8 * start) for start in starts] if count > length else [begins]
+            places = [begins + np.uintp(_DOUBLE * start) for start in starts] if count > length else [begins]
             self._addresses[length] = [
                 (min(length, count - start), place, place.ctypes.data)
                 for start, place in zip(starts, places, strict=False)

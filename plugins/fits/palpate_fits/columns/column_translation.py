@@ -9,6 +9,9 @@ from palpate_kit.kernel.translation import Translation
 
 from palpate_fits.columns.column_table import LANES
 
+_INTEGER_BITS, _LANE_BITS = 64, 32  # of a count and an index, and of the number of a lane
+_ALIGNMENT = 8  # [bytes] of a double in memory
+
 
 class ColumnTranslation(Translation):
     """`values(n, in, settings, out)`, `products(n, in, settings, sums)`: four samples at once, the rest one by one."""
@@ -28,8 +31,9 @@ class ColumnTranslation(Translation):
         return self._module
 
     def _write(self, name: str, arguments: list[Any], body: Callable[[Any, Any, Any], None]) -> None:
+        """Add a function of a count and three arrays; its `body` gets the count, its multiple of four, and the last."""
         ir = self._ir
-        integer = ir.IntType(64)
+        integer = ir.IntType(_INTEGER_BITS)
         function = ir.Function(self._module, ir.FunctionType(ir.VoidType(), [integer, *arguments]), name=name)
         for argument in function.args[1:]:
             argument.add_attribute("noalias")
@@ -42,26 +46,28 @@ class ColumnTranslation(Translation):
         b.ret_void()
 
     def _loaded(self, array: Any, count: int) -> list[Any]:
-        return [self._b.load(self._b.gep(array, [self._ir.IntType(64)(i)])) for i in range(count)]
+        """Return the first `count` entries of an array."""
+        return [self._b.load(self._b.gep(array, [self._ir.IntType(_INTEGER_BITS)(i)])) for i in range(count)]
 
     def _values(self, count: Any, whole: Any, result: Any) -> None:
+        """Write the body of `values`: four samples at a time up to `whole`, then one by one."""
         columns = self._loaded(result, self._function.numel_out(1))
 
         def store(index: Any, _: Sequence[Any]) -> list[Any]:
             for column, value in zip(columns, self._outputs(index), strict=True):
-                self._b.store(value, self._place(column, index), align=8)
+                self._b.store(value, self._place(column, index), align=_ALIGNMENT)
             return []
 
-        zero, one, lanes = (self._ir.IntType(64)(k) for k in (0, 1, LANES))
-        self._loop(zero, whole, lanes, [], self._vector, store)
-        self._loop(whole, count, one, [], self._scalar, store)
+        integer = self._ir.IntType(_INTEGER_BITS)
+        self._loop(integer(0), whole, integer(LANES), [], self._vector, store)
+        self._loop(whole, count, integer(1), [], self._scalar, store)
 
     def _products(self, count: Any, whole: Any, sums: Any) -> None:
         """Write the body of `products`: sums over `count` samples of y_i y_j, for each pair i <= j in four lanes.
 
         The first `whole` samples, a multiple of four, are added four at a time; each of the others to its own lane.
         """
-        b, integer = self._b, self._ir.IntType(64)
+        b, integer = self._b, self._ir.IntType(_INTEGER_BITS)
         width = self._function.numel_out(1)
         pairs = [(i, j) for i in range(width) for j in range(i, width)]
 
@@ -80,73 +86,82 @@ class ColumnTranslation(Translation):
         totals = self._loop(integer(0), whole, integer(LANES), zeros, self._vector, add_four)
         self._double = self._vector
         for k, total in enumerate(totals):
-            self._b.store(total, self._place(sums, integer(k * LANES)), align=8)
+            self._b.store(total, self._place(sums, integer(k * LANES)), align=_ALIGNMENT)
         self._loop(whole, count, integer(1), [], self._scalar, add_one)
 
     def _loop(
-        self, start: Any, stop: Any, step: Any, carried: list[Any], kind: Any,
+        self, start: Any, stop: Any, step: Any, carried: list[Any], number_type: Any,
         body: Callable[[Any, Sequence[Any]], list[Any]],
     ) -> list[Any]:  # fmt: skip
-        """for (i = start; i < stop; i += step) carried = body(i, carried), in numbers of one kind, scalars or lanes."""
-        b, self._double = self._b, kind
+        """Write a loop and return what it has carried: for (i = start; i < stop; i += step) carried = body(i, carried).
+
+        Numbers are of one type within it, scalars or vectors of four lanes.
+        """
+        b, self._double = self._b, number_type
         before = b.block
         inside, done = b.append_basic_block("loop"), b.append_basic_block("done")
         b.cbranch(b.icmp_signed("<", start, stop), inside, done)
         b.position_at_end(inside)
         index = b.phi(start.type)
         index.add_incoming(start, before)
-        sums = [b.phi(value.type) for value in carried]
-        found = body(index, sums)
+        carried_in = [b.phi(value.type) for value in carried]
+        carried_out = body(index, carried_in)
         following = b.add(index, step)
         index.add_incoming(following, inside)
         b.cbranch(b.icmp_signed("<", following, stop), inside, done)
         b.position_at_end(done)
-        ended = [b.phi(value.type) for value in carried]
-        for first, one, last, out in zip(carried, sums, found, ended, strict=True):
-            one.add_incoming(first, before)
-            one.add_incoming(last, inside)
-            out.add_incoming(first, before)
-            out.add_incoming(last, inside)
-        return ended
+        final = [b.phi(value.type) for value in carried]
+        # Each value comes from before the loop, or from its latest turn.
+        for first, value, latest, end in zip(carried, carried_in, carried_out, final, strict=True):
+            value.add_incoming(first, before)
+            value.add_incoming(latest, inside)
+            end.add_incoming(first, before)
+            end.add_incoming(latest, inside)
+        return final
 
     def _outputs(self, index: Any) -> list[Any]:
+        """Return the values of the function at a sample, or at four from it on."""
         self._index = index
         _, output = self._instructions()
         return [output[i] for i in range(self._function.numel_out(1))]
 
     def _place(self, column: Any, index: Any) -> Any:
+        """Return the address of an entry of a column, as one of a scalar or of four lanes."""
         return self._b.bitcast(self._b.gep(column, [index]), self._double.as_pointer())
 
     def _input(self, which: int, place: int) -> Any:
+        """Return an entry of the sample, or one of the settings in every lane."""
         if which == 1:
-            return self._b.load(self._place(self._samples[place], self._index), align=8)
+            return self._b.load(self._place(self._samples[place], self._index), align=_ALIGNMENT)
         return self._spread(self._settings[place])
 
     def _spread(self, value: Any) -> Any:
         """Return a number in every lane."""
         if self._double is self._scalar:
             return value
-        found = self._ir.Constant(self._vector, self._ir.Undefined)
+        vector = self._ir.Constant(self._vector, self._ir.Undefined)
         for lane in range(LANES):
-            found = self._b.insert_element(found, value, self._ir.IntType(32)(lane))
-        return found
+            vector = self._b.insert_element(vector, value, self._ir.IntType(_LANE_BITS)(lane))
+        return vector
 
     def _intrinsic(self, name: str) -> Any:
-        kind = self._ir.FunctionType(self._double, [self._double])
+        """Return LLVM's function of a name for the present type of numbers, declared once."""
+        signature = self._ir.FunctionType(self._double, [self._double])
         full = f"llvm.{name}.{'f64' if self._double is self._scalar else f'v{LANES}f64'}"
         if full not in self._declared:
-            self._declared[full] = self._ir.Function(self._module, kind, name=full)
+            self._declared[full] = self._ir.Function(self._module, signature, name=full)
         return self._declared[full]
 
     def _call(self, name: str, x: list[Any]) -> Any:
+        """Return a function of the C library, called for each lane by itself."""
         if self._double is self._scalar:
             return super()._call(name, x)
-        lanes, kind = self._double, self._scalar
-        found = self._ir.Constant(lanes, self._ir.Undefined)
+        vector_type, scalar_type = self._double, self._scalar
+        vector = self._ir.Constant(vector_type, self._ir.Undefined)
         for lane in range(LANES):
-            at = self._ir.IntType(32)(lane)
-            self._double = kind
-            one = super()._call(name, [self._b.extract_element(value, at) for value in x])
-            self._double = lanes
-            found = self._b.insert_element(found, one, at)
-        return found
+            place = self._ir.IntType(_LANE_BITS)(lane)
+            self._double = scalar_type
+            value = super()._call(name, [self._b.extract_element(argument, place) for argument in x])
+            self._double = vector_type
+            vector = self._b.insert_element(vector, value, place)
+        return vector
