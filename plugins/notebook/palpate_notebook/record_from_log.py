@@ -1,10 +1,10 @@
-"""Records from logs: what `palpate info --suggest` finds out, as a record."""
+"""Records from logs: a log by the suggestion of `palpate info --suggest`."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from palpate_notebook.argument_names import explains_arguments
 from palpate_notebook.record_object import Record, alignment_table
 
 _ROLES = {"height": "position"}
-_NAMED = 40  # records
+_NAMED = 40  # records that a message names (choice)
+_CALLER = 3  # frames from a warning to the caller of `read`
 _TIMED = ("force", "position", "velocity")
 _UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
 
@@ -59,41 +60,62 @@ def read(
     if carried is not None and not choices:
         tables = replay_source(carried).tables
     else:
-        if "record" not in choices and (names := recording_of(log).records(log, choices)):
-            there = f"{', '.join(names[:_NAMED])}{', ...' if len(names) > _NAMED else ''}"
-            which = f'signals={{"record": {json.dumps(names[0])}}}'
-            raise ConfigurationError(f"{log}: holds {len(names)} records ({there}): choose one with {which}")
+        if "record" not in choices:
+            _demand_one_record(log, choices)
         facts = facts_beside(log, choices.get("record")) if carried is None else None
-        of_file = facts.facts if facts is not None else RigFacts()
-        suggestion = suggestion_by_facts(log, of_file, choices, registry.load())
-        if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
-            raise ConfigurationError(f"{log}: {'; '.join(missing)}: state it in signals={_asked(suggestion)}")
-        if "rate" in choices and suggestion.has_time:
-            warnings.warn(f"{log.name}: the rate is ignored: the file has a time", stacklevel=2)
+        suggestion = _suggestion(log, facts, choices)
         doubts = suggestion.doubts
-        for text in doubts:
-            warnings.warn(f"{log.name}: {text}", stacklevel=2)
         if carried is not None:
             tables = with_other_channels(carried, suggestion, choices).tables
         else:
             device = {**suggestion.device, "file": str(log.absolute())}
             tables = {"device": {"log": device}, "alignment": suggestion.alignment, "run": {"assumed": _UNSTATED}}
+
+    # The table of [alignment]: what the log has, then what the arguments state.
     channels = dict(tables["alignment"])
     roles = {role: channels.pop(role) for role in list(channels) if _is_signal(role, channels[role])}
     table = channels | alignment_table(roles, timing, delay, sign, tip_mass, tare, alignment)
-    stated = _stated(timing, delay, tare, alignment)
-    assumed = [
-        key
-        for pattern in tables.get("run", {}).get("assumed", ())
-        for key in ([f"alignment.{role}.delay" for role in roles if role in _TIMED] if "*" in pattern else [pattern])
-        if key.startswith("alignment.") and key not in stated
-    ]
+    patterns = tables.get("run", {}).get("assumed", ())
+    assumed = _assumed(patterns, roles, _stated(timing, delay, tare, alignment))
     name = f"{log.name}:{choices['record']}" if "record" in choices else log.name
     if facts is not None:
         options = {"tip_mass": tip_mass, "tare": tare, "force.delay": delay, "force.uncertainty": timing}
         keys = [*(key for key, value in options.items() if value is not None), *(alignment or {})]
         facts = facts.without(_facts_of_options(facts, keys, table))
-    return Record(name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)), facts=facts)
+    return Record(name, tables["device"], table, log, doubts, assumed=assumed, facts=facts)
+
+
+def _demand_one_record(log: Path, choices: Mapping[str, str]) -> None:
+    """Raise ConfigurationError for a file of several records, of which none is chosen."""
+    names = recording_of(log).records(log, choices)
+    if names:
+        listed = f"{', '.join(names[:_NAMED])}{', ...' if len(names) > _NAMED else ''}"
+        which = f'signals={{"record": {json.dumps(names[0])}}}'
+        raise ConfigurationError(f"{log}: holds {len(names)} records ({listed}): choose one with {which}")
+
+
+def _suggestion(log: Path, facts: StatedFacts | None, choices: Mapping[str, str]) -> Suggestion:
+    """Return how a log is read, and warn of guesses; raises ConfigurationError where something must be stated."""
+    of_file = facts.facts if facts is not None else RigFacts()
+    suggestion = suggestion_by_facts(log, of_file, choices, registry.load())
+    if missing := [*suggestion.blanks, *map(suggestion.rival_words, suggestion.rivals)]:
+        raise ConfigurationError(f"{log}: {'; '.join(missing)}: state it in signals={_asked(suggestion)}")
+    if "rate" in choices and suggestion.has_time:
+        warnings.warn(f"{log.name}: the rate is ignored: the file has a time", stacklevel=_CALLER)
+    for text in suggestion.doubts:
+        warnings.warn(f"{log.name}: {text}", stacklevel=_CALLER)
+    return suggestion
+
+
+def _assumed(patterns: Iterable[str], roles: Iterable[str], stated: Collection[str]) -> tuple[str, ...]:
+    """Return the keys of ``[alignment]`` that nobody states: of `patterns`, in which ``*`` is any signal in time."""
+    keys: list[str] = []
+    for pattern in patterns:
+        if "*" in pattern:
+            keys += [f"alignment.{role}.delay" for role in roles if role in _TIMED]
+        else:
+            keys.append(pattern)
+    return tuple(dict.fromkeys(key for key in keys if key.startswith("alignment.") and key not in stated))
 
 
 def _facts_of_options(facts: StatedFacts, keys: Iterable[str], table: Mapping[str, Any]) -> frozenset[str]:
@@ -104,7 +126,7 @@ def _facts_of_options(facts: StatedFacts, keys: Iterable[str], table: Mapping[st
 
 
 def _asked(suggestion: Suggestion) -> str:
-    """What is to be stated, as Python takes it."""
+    """Return the keys that are to be stated, as Python takes them."""
     names = {role: name for name, role in _ROLES.items()}
     keys = [text.partition(":")[0] for text in suggestion.blanks]
     keys += [names.get(role, role) for role in suggestion.rivals]
@@ -117,13 +139,18 @@ def _stated(
     tare: str | float | None,
     alignment: Mapping[str, Any] | None,
 ) -> set[str]:
-    """Keys of ``[alignment]`` given by the caller; a given timing excludes any other delay."""
-    late = delay if isinstance(delay, Mapping) else {} if delay is None else dict.fromkeys(_TIMED)
-    roles = _TIMED if timing is not None else [_ROLES.get(role, role) for role in late]
-    said = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}
-    return said | ({"alignment.tare"} if tare is not None else set())
+    """Return the keys of ``[alignment]`` that the caller states; a timing excludes any other delay."""
+    if timing is not None:
+        roles: Iterable[str] = _TIMED
+    elif isinstance(delay, Mapping):
+        roles = [_ROLES.get(role, role) for role in delay]
+    else:
+        roles = _TIMED if delay is not None else ()
+    keys = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}
+    return keys | ({"alignment.tare"} if tare is not None else set())
 
 
 def _is_signal(role: str, value: Any) -> bool:
+    """Return True for an entry of ``[alignment]`` that names a channel."""
     named = ("force", "position", "velocity", "measuring", "lateral_x", "lateral_y")
     return role in named and isinstance(value, str | dict)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,41 +45,47 @@ def plot(
 
     Each has a CSV of its numbers next to it.
     """
-    from palpate_report.figure_subject import Subject
-    from palpate_report.run_figures import PICTURES, draw
-    from palpate_report.run_report import subject_of
-    from palpate_report.run_verdict import judge
-
     endings, millimetres = _formats(format or ["pdf"]), _width(width)
     if is_fit_folder(run):
         if what or len(track or ()) > 1:
             raise ConfigurationError(f"{run}: of a folder of fits its groups are drawn, of one track")
         _draw_groups(run, by, parameter, unit, where, next(iter(track or ()), None), endings, millimetres, out)
         return
-    for option, given in (("--by", by), ("--unit", unit), ("--where", where)):
-        if given is not None:
-            raise ConfigurationError(f"{option} {given}: {run} is not a folder of fits of many curves")
+    for option, value in (("--by", by), ("--unit", unit), ("--where", where)):
+        if value is not None:
+            raise ConfigurationError(f"{option} {value}: {run} is not a folder of fits of many curves")
     record = RunContents.read(run)
     if record.unreadable is not None:
         raise LogError(record.unreadable)
-    for name in what or ():
+    _draw_run(run, record, what or [], track or [], endings, millimetres, out or record.path / "pictures")
+
+
+def _draw_run(
+    run: Path, record: RunContents, names: Sequence[str], tracks: Sequence[str],
+    endings: list[str], width: float, folder: Path,
+) -> None:  # fmt: skip
+    """Draw pictures of a run, by default all that it has; raises ConfigurationError for one that it does not have."""
+    from palpate_report.figure_subject import Subject
+    from palpate_report.run_figures import PICTURES, draw
+    from palpate_report.run_report import subject_of
+    from palpate_report.run_verdict import judge
+
+    for name in names:
         if name not in PICTURES:
             raise ConfigurationError(f"{name!r} is not a picture{suggest(name, PICTURES)}")
-    for name in track or ():
+    for name in tracks:
         if name not in record.tracks:
             raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")
-    folder = out or record.path / "pictures"
     subject = subject_of(record, judge(record))
-    tracks = track or list(subject.tracks)
-    subject = Subject(record, tracks[0] if tracks else None, tracks, millimetres)
+    shown = list(tracks) or list(subject.tracks)
+    subject = Subject(record, shown[0] if shown else None, shown, width)
     drawn = 0
-    for name in what or PICTURES:
+    for name in names or PICTURES:
         picture = draw(name, subject)
         if picture is None:
-            if what:
-                raise ConfigurationError(
-                    f"{run}: has nothing to draw for {name!r}: {_MISSING.get(name, 'no estimates')}"
-                )
+            if names:
+                reason = _MISSING.get(name, "no estimates")
+                raise ConfigurationError(f"{run}: has nothing to draw for {name!r}: {reason}")
             continue
         _write(picture.figure, picture.caption, _csv(picture.data), folder / name, endings)
         drawn += 1
@@ -119,29 +125,31 @@ _MISSING = {
 
 
 def _make(folder: Path) -> None:
+    """Make the folder of the pictures; raises OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot make the output folder: {error.strerror}") from error
 
 
-def _formats(given: list[str]) -> list[str]:
-    for ending in given:
+def _formats(endings: list[str]) -> list[str]:
+    """Return each format once; raises ConfigurationError for one that cannot be drawn."""
+    for ending in endings:
         if ending not in FORMATS:
             raise ConfigurationError(f"--format {ending}: allowed is {', '.join(FORMATS)}{suggest(ending, FORMATS)}")
-    return list(dict.fromkeys(given))
+    return list(dict.fromkeys(endings))
 
 
 def _width(text: str) -> float:
-    """A width [mm] from its number or the name of a column."""
-    found = WIDTHS.get(text, _WIDTHS.get(text.removesuffix("mm").strip()))
-    if found is None:
+    """Return a width [mm] from its number or the name of a column; raises ConfigurationError."""
+    width = WIDTHS.get(text, _WIDTHS.get(text.removesuffix("mm").strip()))
+    if width is None:
         raise ConfigurationError(f"--width {text}: allowed is {', '.join(_WIDTHS)} mm, or {', '.join(WIDTHS)}")
-    return found
+    return width
 
 
 def _csv(data: Mapping[str, Floats]) -> str:
-    """Columns side by side [SI]; where one is shorter, the rest of it is empty."""
+    """Return columns side by side [SI], a shorter one with empty cells at its end."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,44 +53,49 @@ def report(
     pdf: Annotated[bool, typer.Option("--pdf", help="Print it to a PDF, too; needs Chromium or Chrome.")] = False,
 ) -> None:
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
-    from palpate_report.comparison_report import comparison_page
-
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
     if curves := next((run for run in runs or () if is_fit_folder(run)), None):
         if len(runs or ()) > 1 or group:
             raise ConfigurationError(f"{curves}: is a folder of fits of many curves, which is reported by itself")
-        from palpate_report.curves_report import curves_page, folder_facts
-
         if unit and not by:
             raise ConfigurationError("--unit: is for groups, with --by COLUMN")
         if methods or supplement is not None:
-            for option, given in (("--out", out), ("--pdf", pdf), ("--anonymous", anonymous)):
-                if given:
-                    raise ConfigurationError(f"{option}: is for the page, without --methods and --supplement")
+            _refuse(
+                {"--out": out, "--pdf": pdf, "--anonymous": anonymous}, "the page, without --methods and --supplement"
+            )
+            from palpate_report.curves_report import folder_facts
+
             _write_texts(folder_facts(curves, track, by, where), methods, supplement, by, unit)
             return
+        from palpate_report.curves_report import curves_page
+
         with progress(f"report of {curves}"):
             _hand_over(curves_page(curves, track, anonymous, by, where, unit), out or curves / "report.html", pdf)
         return
-    for option, asked in (
-        ("by", by),
-        ("where", where),
-        ("unit", unit),
-        ("methods", methods),
-        ("supplement", supplement),
-    ):
-        if asked is not None and asked is not False:
-            raise ConfigurationError(f"--{option}: is for a folder of fits of many curves")
-    groups = groups_of(runs or [], group or [])
-    paths = [path for found in groups.values() for path in found]
+    options = {"--by": by, "--where": where, "--unit": unit, "--methods": methods, "--supplement": supplement}
+    _refuse(options, "a folder of fits of many curves")
+    text, path = _runs_page(groups_of(runs or [], group or []), track, anonymous)
+    _hand_over(text, out or path, pdf)
+
+
+def _refuse(options: Mapping[str, object], purpose: str) -> None:
+    """Raise ConfigurationError for the first option that is given, and is for another purpose."""
+    for option, value in options.items():
+        if value is not None and value is not False:
+            raise ConfigurationError(f"{option}: is for {purpose}")
+
+
+def _runs_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> tuple[str, Path]:
+    """Return the page on one run, or on several side by side, and its usual place."""
+    from palpate_report.comparison_report import comparison_page
+
+    paths = [path for members in groups.values() for path in members]
     with progress(f"report of {len(paths)} run{'s' * (len(paths) != 1)}"):
         if len(paths) == 1:
             record = RunContents.read(paths[0])
-            path, text = out or record.path / "report.html", _page(record, track, anonymous)
-        else:
-            path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
-    _hand_over(text, path, pdf)
+            return _page(record, track, anonymous), record.path / "report.html"
+        return comparison_page(groups, track, anonymous), Path("comparison.html")
 
 
 def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by: str | None, unit: str | None) -> None:
@@ -123,16 +129,17 @@ def _hand_over(text: str, path: Path, pdf: bool) -> None:
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` into a run folder and answer where it is; raises UserError."""
+    """Write ``report.html`` into a run folder, and return its path; raises UserError."""
     path = folder / "report.html"
     write_whole(path, _page(RunContents.read(folder), None, False))
     return path
 
 
 def _page(record: RunContents, track: str | None, anonymous: bool) -> str:
+    """Return the page on one run, `track` first; raises ConfigurationError if the run does not have it."""
     from palpate_report.run_report import page_of
 
-    known = record.document.get("tracks", record.tracks)
-    if track is not None and track not in known:
-        raise ConfigurationError(f"{record.path}: has no track {track!r}{suggest(track, known)}")
+    tracks = record.document.get("tracks", record.tracks)
+    if track is not None and track not in tracks:
+        raise ConfigurationError(f"{record.path}: has no track {track!r}{suggest(track, tracks)}")
     return page_of(record, track, anonymous)

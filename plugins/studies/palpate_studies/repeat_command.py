@@ -1,4 +1,4 @@
-"""``palpate repeat``: what many runs of one palpation say together."""
+"""``palpate repeat``: statistics over many runs of one palpation."""
 
 from __future__ import annotations
 
@@ -88,10 +88,9 @@ def repeat(
             raise typer.Exit(1)
         return
     parameter = parameter or "elasticity"
-    files = {
-        name: [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
-        for name, paths in groups_of(sources or [], group or []).items()
-    }
+    files: dict[str, list[Path]] = {}
+    for name, paths in groups_of(sources or [], group or []).items():
+        files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
     if by is None:
         groups = read_groups(files, track, parameter, where)
     else:
@@ -100,7 +99,7 @@ def repeat(
     if picture is not None:
         draw_repeatability(document, picture)
     _show(document, as_json, details)
-    if failures := dict.fromkeys(path for found in groups.values() for path in found.failures):
+    if failures := {path for members in groups.values() for path in members.failures}:
         typer.echo(f"{len(failures)} runs failed", err=True)
         raise typer.Exit(1)
 
@@ -114,13 +113,15 @@ def _demand_none(options: Mapping[str, object]) -> None:
 def _document(
     groups: Mapping[str, ValueGroup], comparison: GroupComparison, parameter: str, truth: str | None
 ) -> dict[str, Any]:
-    """What is found, as JSON can hold it."""
+    """Return statistics, comparison and verdicts of the groups as JSON can hold them."""
     unit = list(groups.values())[-1].unit
-    rejected = {run: reason for group in groups.values() for run, reason in group.rejected.items()}
     tables = repeatability({name: group.values for name, group in groups.items()})
     for of_units in comparison.groups:
         group, table = groups[of_units.name], tables[of_units.name]
-        table |= {key: found for key, found in of_units.table().items() if key not in table or not comparison.singles}
+        # The statistics of units, where they are not those of single values.
+        for key, value in of_units.table().items():
+            if key not in table or not comparison.singles:
+                table[key] = value
         common = np.array(group.common)
         table |= {"common": common_part(common), "combined_of_mean": combined_of_mean(table["std_of_mean"], common)}
         tracked = [(reading.folder, reading.track) for reading in group.readings if reading.key == ""]
@@ -128,17 +129,19 @@ def _document(
         if truth is not None:
             stated = np.array([reading.std or 0.0 for reading in group.readings])
             table["truth"] = against_truth(table["mean"], table["std_of_mean"], stated, _truth(truth, unit))
-    skipped = sum(group.skipped for group in groups.values())
-    verdicts = {name: dict(group.words) for name, group in groups.items()}
-    counted = {
-        "parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected, "verdicts": verdicts,
-    }  # fmt: skip
-    document: dict[str, Any] = finite_tree({**counted, "groups": tables, **comparison.table()})
+    counts = {
+        "parameter": parameter,
+        "unit": unit,
+        "skipped": sum(group.skipped for group in groups.values()),
+        "rejected": {run: reason for group in groups.values() for run, reason in group.rejected.items()},
+        "verdicts": {name: dict(group.words) for name, group in groups.items()},
+    }
+    document: dict[str, Any] = finite_tree({**counts, "groups": tables, **comparison.table()})
     return document
 
 
 def _show(document: dict[str, Any], as_json: bool, details: bool) -> None:
-    """Print what was found."""
+    """Print the document, as tables or as JSON."""
     if as_json:
         typer.echo(json.dumps(document, indent=2))
         return
@@ -148,7 +151,7 @@ def _show(document: dict[str, Any], as_json: bool, details: bool) -> None:
 
 
 def _runs(path: Path, overrides: list[str], out: Path | None, scheduler: str | None, stage: str | None) -> list[Path]:
-    """The runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
+    """Return the runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
     if path.suffix == ".toml" and path.is_file():
         return perform(path, overrides, out, scheduler, stage)
     if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json", "fits.csv")):
@@ -157,7 +160,7 @@ def _runs(path: Path, overrides: list[str], out: Path | None, scheduler: str | N
 
 
 def _truth(text: str, unit: str) -> float:
-    """The true value [SI]; raises ConfigurationError."""
+    """Return the true value [SI]; raises ConfigurationError."""
     try:
         value = to_si(text, unit)
     except ValueError as error:

@@ -26,6 +26,7 @@ from palpate_studies.bench.bench_table import csv_text, lines_below, scene_matri
 from palpate_studies.bench.records import BenchRecord, portions, records_of
 
 _ROWS, _SETTINGS = "rows.jsonl", "bench.json"
+_INTERRUPTED = 130  # exit code of a command that was stopped from the keyboard: 128 and the number of the signal
 
 
 def bench(
@@ -63,12 +64,7 @@ def bench(
     Each record is made once, and every track runs on its samples. Errors where a truth is known, and for all the error
     of the force that the estimate of the sample before predicts, NIS, time to settle and cost.
     """
-    settings = [*_with_plugin_files(), *(overrides or [])]
-    bench_records = [record for file in files or scene_files() for record in records_of(file, settings, records)]
-    if not files:
-        bench_records += [
-            record for file in scene_files(SLOW_SCENES) for record in records_of(file, overrides or [], None)
-        ]
+    bench_records = _records(files or [], overrides or [], records)
     folder = _folder(bench_records, out)
     rows = _kept_rows(folder)
     done = set(map(_key, rows))
@@ -92,7 +88,19 @@ def bench(
     typer.echo(f"{counts}: {folder}", err=as_json or layout() != "table")
     if len(set(map(_key, rows))) < len(bench_records):
         typer.echo(f"stopped; go on with --out {folder}", err=True)
-        raise typer.Exit(130)
+        raise typer.Exit(_INTERRUPTED)
+
+
+def _records(files: Sequence[Path], overrides: list[str], count: int | None) -> list[BenchRecord]:
+    """Return the records of pipelines, `count` of each whose seeds are listed; of none, those of the standard set.
+
+    Parts of plugin files do not take part in the slow scenes.
+    """
+    settings = [*_with_plugin_files(), *overrides]
+    records = [record for file in files or scene_files() for record in records_of(file, settings, count)]
+    if not files:
+        records += [record for file in scene_files(SLOW_SCENES) for record in records_of(file, overrides, None)]
+    return records
 
 
 def _key(row: Row) -> tuple[str, str, int]:

@@ -22,6 +22,8 @@ from palpate_kit.terminal.table import console as terminal
 from palpate_studies.sweep.combinations import Combination, combinations_of, refuse_hopeless
 from palpate_studies.sweep.sweep_table import SweepRow, best_rows, sweep_doubt_lines, write_rows
 
+_INTERRUPTED = 130  # exit code of a command that was stopped from the keyboard: 128 and the number of the signal
+
 
 def sweep(
     file: Annotated[Path, typer.Argument(help="A pipeline file with a [sweep] table.")],
@@ -49,65 +51,72 @@ def sweep(
         refuse_hopeless(_planned(source, combinations, overrides or [], Path()))
     folder = _folder(source, out)
     planned = _planned(source, combinations, overrides or [], folder)
-    found = {
-        one.number: SweepRow.of(one, RunAnswer(done)) for one in planned if (done := cached_result(one.job)) is not None
-    }
-    earlier = len(found)
-    gone: UserError | None = None
+    outcomes: dict[int, SweepRow] = {}
+    for combination in planned:
+        if (result := cached_result(combination.job)) is not None:
+            outcomes[combination.number] = SweepRow.of(combination, RunAnswer(result))
+    earlier = len(outcomes)
+    # The rows of all that was done are written before an error of the scheduler ends the command.
+    scheduler_error: UserError | None = None
     try:
-        _carry_out(planned, found, engine_of(scheduler, jobs, folder, stage))
+        _carry_out(planned, outcomes, engine_of(scheduler, jobs, folder, stage))
     except UserError as error:
-        gone = error
-    rows = [row for one in planned if one.number in found for row in found[one.number].rows]
+        scheduler_error = error
+    rows = [row for item in planned if item.number in outcomes for row in outcomes[item.number].rows]
     write_rows(folder, rows)
-    failed = _tell_failures(found)
-    if gone is not None:
-        raise gone
-    if len(found) < len(planned):
-        typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
-        raise typer.Exit(130)
+    failed = _report_failures(outcomes)
+    if scheduler_error is not None:
+        raise scheduler_error
+    if len(outcomes) < len(planned):
+        typer.echo(f"stopped after {len(outcomes)} of {len(planned)} combinations; go on with --out {folder}", err=True)
+        raise typer.Exit(_INTERRUPTED)
     if as_json:
         print_json({"folder": folder, "combinations": len(planned), "failed": failed, "rows": rows})
     elif failed < len(planned):
-        screen = terminal()
-        screen.print(best_rows(rows).view())
-        for line in sweep_doubt_lines(rows):
-            screen.print(line, style="yellow", highlight=False)
+        _print_best(rows)
     before = f", {earlier} found in the folder" if earlier else ""
     typer.echo(
         f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}",
         err=as_json or layout != "table",
     )
     if (picture or points is not None) and failed < len(planned):
-        runs = _runs(planned, found)
+        runs = _runs(planned, outcomes)
         with print_aside(as_json):
             analysis("map curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
     if failed:
         raise typer.Exit(1)
 
 
-def _carry_out(planned: Sequence[Combination], found: dict[int, SweepRow], engine: Engine) -> None:
-    """Run what is not `found` yet, until all is done or somebody stops it; raises OtherSettingsError."""
-    rest = {one.job.name: one for one in planned if one.number not in found}
+def _print_best(rows: Sequence[dict[str, Any]]) -> None:
+    """Print the best combinations, and the doubts about them."""
+    screen = terminal()
+    screen.print(best_rows(rows).view())
+    for line in sweep_doubt_lines(rows):
+        screen.print(line, style="yellow", highlight=False)
+
+
+def _carry_out(planned: Sequence[Combination], outcomes: dict[int, SweepRow], engine: Engine) -> None:
+    """Run the combinations without an outcome, until all are done or a person stops it; raises OtherSettingsError."""
+    remaining = {item.job.name: item for item in planned if item.number not in outcomes}
     with (
         progress("sweep", "combinations", len(planned)),
-        closing(engine([one.job for one in rest.values()])) as running,
+        closing(engine([item.job for item in remaining.values()])) as running,
         suppress(KeyboardInterrupt),
     ):
-        report_progress(len(found))
+        report_progress(len(outcomes))
         for job, outcome in running:
             if isinstance(outcome, StoppedError):
                 return
             if isinstance(outcome, OtherSettingsError):
                 raise outcome
-            one = rest[job.name]
-            found[one.number] = SweepRow.of(one, outcome)
-            report_progress(len(found))
+            combination = remaining[job.name]
+            outcomes[combination.number] = SweepRow.of(combination, outcome)
+            report_progress(len(outcomes))
 
 
-def _tell_failures(found: Mapping[int, SweepRow]) -> int:
-    """Say which combinations failed, and why; how many."""
-    failures = {number: done.failure for number, done in sorted(found.items()) if done.failure is not None}
+def _report_failures(outcomes: Mapping[int, SweepRow]) -> int:
+    """Report which combinations failed, and why; return their number."""
+    failures = {number: row.failure for number, row in sorted(outcomes.items()) if row.failure is not None}
     for number, reason in failures.items():
         typer.echo(f"combination {number} failed: {reason}", err=True)
     return len(failures)
@@ -116,6 +125,7 @@ def _tell_failures(found: Mapping[int, SweepRow]) -> int:
 def _planned(
     source: Source, combinations: Sequence[dict[str, Any]], overrides: list[str], folder: Path
 ) -> list[Combination]:
+    """Return the combinations as jobs, numbered from 1."""
     return [
         Combination.of(number, values, _written(source, (*overrides, *_assignments(values))), folder)
         for number, values in enumerate(combinations, start=1)
@@ -123,20 +133,23 @@ def _planned(
 
 
 def _written(source: Source, overrides: tuple[str, ...]) -> PortablePipeline:
+    """Return a source with its overrides as any process can build it."""
     return PortablePipeline(source.text, source.path, overrides, source.named)
 
 
-def _runs(planned: Sequence[Combination], found: Mapping[int, SweepRow]) -> dict[str, Path]:
-    """The run of each combination that has one, by its values."""
+def _runs(planned: Sequence[Combination], outcomes: Mapping[int, SweepRow]) -> dict[str, Path]:
+    """Return the run of each combination that has one, by its values."""
     runs = {}
-    for one in planned:
-        if (folder := found[one.number].folder) is not None:
-            told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in one.values.items())
-            runs[told] = folder
+    for combination in planned:
+        folder = outcomes[combination.number].folder
+        if folder is not None:
+            label = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in combination.values.items())
+            runs[label] = folder
     return runs
 
 
 def _source(file: Path, overrides: Sequence[str]) -> Source:
+    """Return a pipeline file with its overrides."""
     source = Source.read(file)
     for assignment in overrides:
         source.override(assignment)
@@ -144,16 +157,17 @@ def _source(file: Path, overrides: Sequence[str]) -> Source:
 
 
 def _assignments(values: dict[str, Any]) -> list[str]:
+    """Return the values of a combination as assignments."""
     return [f"{key}={tomli_w.dumps({'v': value}).strip().removeprefix('v = ')}" for key, value in values.items()]
 
 
-def _folder(source: Source, wanted: Path | None) -> Path:
-    """The sweep's folder: a new one, or one that holds a part of this very sweep."""
-    if wanted is None or not (wanted / "sweep.toml").is_file():
+def _folder(source: Source, out: Path | None) -> Path:
+    """Return the sweep's folder: a new one, or one that holds a part of this very sweep; raises OutputError."""
+    if out is None or not (out / "sweep.toml").is_file():
         name = source.tables.get("run", {}).get("name", "run")
-        folder = make_folder(f"{name}-sweep", wanted, datetime.now(UTC).astimezone())
+        folder = make_folder(f"{name}-sweep", out, datetime.now(UTC).astimezone())
         write_new(folder / "sweep.toml", source.text)
         return folder
-    if bounded_text(wanted / "sweep.toml") != source.text:
-        raise OutputError(f"{wanted}: holds the sweep of another pipeline file, or of this one before it was changed")
-    return wanted
+    if bounded_text(out / "sweep.toml") != source.text:
+        raise OutputError(f"{out}: holds the sweep of another pipeline file, or of this one before it was changed")
+    return out
