@@ -163,7 +163,7 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, kept.runs,
-        used & motion.known & np.isfinite(force), first, max(last - first, _MIN_SPAN), len(track.air_time) > 0,
+        used & motion.is_usable & np.isfinite(force), first, max(last - first, _MIN_SPAN), len(track.air_time) > 0,
         motion.noise,
     )  # fmt: skip
 
@@ -175,7 +175,7 @@ class _SmoothMotion(NamedTuple):
     height: Floats  # (n,) [m]
     rate: Floats  # (n,) [m/s] of the depth
     smooth_acceleration: Floats  # (n,) [m/s^2] of the depth
-    known: NDArray[np.bool_]  # (n,)
+    is_usable: NDArray[np.bool_]  # (n,)
     noise: tuple[float, float]  # [m], [m/s] that remains after smoothing
 
 
@@ -193,10 +193,10 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
     rate, rate_noise, jerks = _quiet(-kept.velocity, runs)
     # Not the slope that the inertia is taken off by: its noise would make a force that is late.
     smooth = _slopes(rate, kept.time, runs)
-    known = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
-    known &= ~kept.hesitating & ~corners & ~jerks
+    is_usable = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
+    is_usable &= ~kept.hesitating & ~corners & ~jerks
     noise = height_noise, rate_noise
-    return _SmoothMotion(acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), known, noise)
+    return _SmoothMotion(acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), is_usable, noise)
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:

@@ -1,4 +1,4 @@
-"""The samples that a model is tested on, in contact and in the air, and what any fact or alternative adds to them."""
+"""The samples that a model is tested on, in contact and in air, and the derivatives of their force by alternatives."""
 
 from __future__ import annotations
 
@@ -19,24 +19,38 @@ from palpate_uncertainty.refit import IN_AIR, Course, free_unknowns, zero_withou
 from palpate_uncertainty.residual_null import slopes_of
 
 FIXED = "a fixed value"  # the cause that is tested by freeing what is fixed
-_BIN_COUNTS = {
-    "time": 24,
-    "depth": 24,
-    "speed": 12,
-    "air": 12,
-}  # over each variable, any pattern of which would show: a choice
+# Choices.
+_BIN_COUNTS = {"time": 24, "depth": 24, "speed": 12, "air": 12}  # over each variable, any pattern of which would show
 _TIME_STEPS = 8  # bins of what moves in time
 _LIMIT_SHARE = 0.95  # of the largest force, above which a sensor may give less
 _COMMAND_DELAY = 0.01  # [s] of an arm behind its command; the part that eta does not take goes with acceleration
-_DEPTH_STEP_NOISES = 20.0  # times the noise of a height, of depths that are distinguished
+_LEVEL_NOISES = 20.0  # times the noise of a height, of depths that are distinguished
+_LEVEL_PARTS = 10  # of such a step, of which that with the fewest samples is the border
 _MIN_ACCELERATION_NOISES = 10.0  # times the noise of an acceleration, from which on it is one
 _FRICTION_SPEED_SHARE = 0.05  # of the largest speed, below which friction is not full
 _MIN_DEPTH_SHARE = 0.04  # of the largest depth, above which a bin is not judged
 _SECOND_CONTACTS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest depth, from which on something else bears as well
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)  # [s] of what may relax
-_SMALL_RADIUS = 0.5e-3  # [m] radius of a tip
+_SMALL_RADIUS = 0.5e-3  # [m] of a tip, below which it is not a robot's
 _SLOPE_WINDOW, _MIN_SLOPE_SAMPLES = 0.08, 11  # [s] and samples of the window of slow accelerations
 _OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
+_OPEN_MASS_SHARE = 0.05  # of a mass that is stated without an uncertainty, one standard uncertainty
+# Typical sizes of alternatives, choices as well: one that would not show at this size is not tested.
+_TYPICAL_POWER = 0.5  # of the depth, by which the force of another tip grows otherwise
+_TYPICAL_STIFFENING = 0.5  # of the elastic force at the deepest, by another thickness
+_TYPICAL_FADING = 0.3  # of the elastic force, that changes in time, relaxes, or is lost on the way out
+_TYPICAL_SHIFT = 0.1  # of the largest depth, by which the surface moves
+_TYPICAL_DELAY = 5e-3  # [s]
+_TYPICAL_MASS = 0.1  # [kg]
+_TYPICAL_COMPLIANCE = 1.0 / 5e3  # [m/N]
+_TYPICAL_FORCE = 0.05  # of the largest force: a zero, a drift, a drag, friction, a cable, adhesion
+_TYPICAL_ZERO_IN_CONTACT = 0.5  # of the largest force, which a force that was zeroed in contact lacks
+_TYPICAL_SECOND_STIFFNESS = 0.3  # of the mean elastic stiffness, by a second contact
+_TYPICAL_LOSS_AT_LIMIT = 1.0  # of the force above the limit
+# Numbers that keep quotients and logarithms finite.
+_MIN_SPAN = 1e-9  # [s]
+_MIN_DEPTH, _MIN_PART = 1e-12, 1e-6  # [m], and of the largest depth
+_SMALLEST_SPEED = 1e-300  # [m/s], near the smallest double
 
 
 @dataclass(frozen=True)
@@ -86,7 +100,7 @@ class JudgedRows:
 
     @property
     def contact(self) -> NDArray[np.bool_]:
-        """(n,) whether a sample is in contact."""
+        """True (n,) for the samples in contact."""
         return np.arange(len(self.time)) < self.count
 
     @property
@@ -95,7 +109,7 @@ class JudgedRows:
         return bool(getattr(getattr(self.track.model, "indenter", None), "radius", _SMALL_RADIUS) < _SMALL_RADIUS)
 
     def _fixed(self) -> Iterator[tuple[str, Floats, float]]:
-        """Name, derivative (n,) of the force, and stated standard uncertainty of each number that is held fixed."""
+        """Yield name, derivative (n,) of the force, and stated uncertainty of each number that is held fixed."""
         unknowns = self.track.report.unknowns if self.track.report is not None else {}
         names = [*(parameter.name for parameter in self.track.model.parameters), "surface"]
         for name, column, free in zip(names, self.jacobian.T, self.free, strict=True):
@@ -103,7 +117,7 @@ class JudgedRows:
                 yield name, column, (unknowns[name].std or 0.0) if name in unknowns else 0.0
 
     def stated(self) -> Iterator[Floats]:
-        """(n,) [N] of each quantity that is not exactly known, one standard uncertainty of it."""
+        """Yield the force (n,) [N] by one standard uncertainty of each quantity that is not exactly known."""
         yield from (std * column for _, column, std in self._fixed() if std)
         end, mass = self.track.ending, self.track.tip_mass
         if end is None:
@@ -118,19 +132,20 @@ class JudgedRows:
             yield _OPEN_MASS * self.acceleration
         elif mass:
             share = end.settings.tip_mass_uncertainty
-            yield (0.05 * mass if share is None else share) * self.acceleration
-        if end.settings.series_stiffness is not None:  # its way is an uncertainty, and is not taken off
+            yield (_OPEN_MASS_SHARE * mass if share is None else share) * self.acceleration
+        if end.settings.series_stiffness is not None:  # the displacement of the mount is not subtracted
             yield self._given_way / end.settings.series_stiffness
         if end.settings.drift != type(end.settings).model_fields["drift"].default:
             yield end.settings.drift * (self.time - self.course.begin)
 
     def open(self) -> Iterator[Floats]:
-        """(n,) a zero that the air determines, or the fit without air: it is not judged."""
+        """Yield the derivative (n,) by a zero that the air determines, or the fit without air: it is not judged."""
         if self._tells_zero or zero_without_air(self.track) is not None:
             yield np.ones(len(self.time))
 
     @property
     def _has_air(self) -> bool:
+        """True if there are samples in the air."""
         return len(self.time) > self.count
 
     @property
@@ -140,7 +155,7 @@ class JudgedRows:
         return self._has_air and tare is not None and tare.noise is not None
 
     def places(self) -> Iterator[tuple[str, Floats]]:
-        """Indicators (n, m) of the bins over which any pattern would show."""
+        """Yield the indicators (n, m) of the bins over which any pattern would show."""
         deep = self.contact & (self.depth > _MIN_DEPTH_SHARE * float(np.max(self.depth)))
         for name, values, rows in (
             ("time", self.time, deep),
@@ -153,80 +168,88 @@ class JudgedRows:
 
     @property
     def _level(self) -> Floats:
-        """(n,) depth in steps far above its noise: in a hold bins would sort by noise that the residual has as well.
+        """The depth (n,) in steps far above its noise: bins of a hold would sort by noise that is in the residual, too.
 
-        Steps are where the fewest samples are, and none where the tip is held.
+        The borders of the steps are where the fewest samples are, and none is where the tip is held.
         """
-        step = _DEPTH_STEP_NOISES * noise_of(self.track.kept.position, self.track.kept.time)
+        step = _LEVEL_NOISES * noise_of(self.track.kept.position, self.track.kept.time)
         if not step > 0:
             return self.depth
         place = self.depth / step
-        counts, edges = np.histogram(place[self.contact] % 1.0, 10, (0.0, 1.0))
-        return np.asarray(np.floor(place - edges[int(np.argmin(counts))] - 0.05))
+        counts, edges = np.histogram(place[self.contact] % 1.0, _LEVEL_PARTS, (0.0, 1.0))
+        half_part = 0.5 / _LEVEL_PARTS
+        return np.asarray(np.floor(place - edges[int(np.argmin(counts))] - half_part))
 
     def patterns(self) -> Iterator[tuple[str, Floats, float]]:
-        """Cause, derivatives (n, m) of the force by an alternative, and the size of one that is typical."""
+        """Yield cause, derivatives (n, m) of the force by an alternative, and its typical size."""
         freed = ((f"{FIXED} of {name}", math.inf, column) for name, column, _ in self._fixed())
         for cause, typical, *columns in (*freed, *self._of_the_material(), *self._of_the_rig(), *self._of_the_air()):
             yield cause, np.nan_to_num(np.column_stack(columns)), typical
 
     @cached_property
     def _elastic(self) -> Floats:
-        """(n,) [N]"""
+        """The elastic force (n,) [N] of the model; 0 in the air."""
         return self._whole(self.course.elastic(*self._at)[0])
 
     @cached_property
     def _since(self) -> Floats:
-        """(n,) time in parts of the record."""
-        return np.asarray((self.time - self.time.min()) / max(float(np.ptp(self.time)), 1e-9))
+        """The time (n,) in parts of the record."""
+        return np.asarray((self.time - self.time.min()) / max(float(np.ptp(self.time)), _MIN_SPAN))
 
     def _of_the_material(self) -> Iterator[tuple[Any, ...]]:
+        """Yield cause, typical size and derivative (n,) of what material or surface may do otherwise."""
         elastic, deepest = self._elastic, float(np.max(self.depth))
-        part = np.maximum(self.depth, 1e-12) / deepest
-        yield "another tip", 0.5, elastic * np.log(np.maximum(part, 1e-6))
-        yield "thickness", 0.5, elastic * part
-        yield "stiffness that changes", 0.3, elastic * self._since
-        yield "surface moved", 0.1 * deepest, self.by_depth * (self._since - 0.5)
+        part = np.maximum(self.depth, _MIN_DEPTH) / deepest
+        # d^(p + q) = d^p (1 + q ln d) for a small q.
+        yield "another tip", _TYPICAL_POWER, elastic * np.log(np.maximum(part, _MIN_PART))
+        yield "thickness", _TYPICAL_STIFFENING, elastic * part
+        yield "stiffness that changes", _TYPICAL_FADING, elastic * self._since
+        yield "surface moved", _TYPICAL_SHIFT * deepest, self.by_depth * (self._since - 0.5)
         steps = bins_of(np.where(self.contact, self.time, np.nan), _TIME_STEPS)
         yield "surface moved in steps", math.inf, self.by_depth[:, None] * steps
-        step, every = float(np.median(np.diff(self.course.time))), self.course.elastic(*self._at)[0]
+        step, course_force = float(np.median(np.diff(self.course.time))), self.course.elastic(*self._at)[0]
         for tau in _RELAXATION_TIMES:
-            yield f"memory of {tau:g} s", 0.3, self._whole(_relaxing(every, step, tau))
-        back = self.rate < 0
-        if (back & self.contact).any() and not back[: self.count].all():
-            yield "unloading", 0.1 * deepest, self.by_depth * back
-            yield "unloading that is softer", 0.3, -elastic * back
+            yield f"memory of {tau:g} s", _TYPICAL_FADING, self._whole(_relaxing(course_force, step, tau))
+        outward = self.rate < 0
+        if (outward & self.contact).any() and not outward[: self.count].all():
+            yield "unloading", _TYPICAL_SHIFT * deepest, self.by_depth * outward
+            yield "unloading that is softer", _TYPICAL_FADING, -elastic * outward
 
     def _of_the_rig(self) -> Iterator[tuple[Any, ...]]:
-        end, most, deepest = self.track.ending, float(np.max(np.abs(self.force))), float(np.max(self.depth))
+        """Yield cause, typical size and derivative (n,) of what a wrong fact of the rig does."""
+        end = self.track.ending
+        max_force, deepest = float(np.max(np.abs(self.force))), float(np.max(self.depth))
         if end is not None and end.settings.timing_uncertainty is not None:
-            yield "timing", 5e-3, self.change
+            yield "timing", _TYPICAL_DELAY, self.change
         if end is not None and end.settings.tip_mass is not None and not self._is_small:
-            yield "mass", 0.1, self.acceleration
+            yield "mass", _TYPICAL_MASS, self.acceleration
         if end is not None:  # a stated mount as well: it may give more
-            yield "compliance", 1.0 / 5e3, self._given_way
-        yield "force at its limit", 1.0, -np.maximum(self.force - _LIMIT_SHARE * most, 0.0)
+            yield "compliance", _TYPICAL_COMPLIANCE, self._given_way
+        beyond_limit = np.maximum(self.force - _LIMIT_SHARE * max_force, 0.0)
+        yield "force at its limit", _TYPICAL_LOSS_AT_LIMIT, -beyond_limit
         if self._bends:
             yield "command", _COMMAND_DELAY**2, self.by_depth * self.acceleration
         if self._tells_zero:  # zeroed in air: another zero in contact is one that the contact itself has
-            yield "zero of the force", 0.05 * most, self.contact.astype(float)
+            yield "zero of the force", _TYPICAL_FORCE * max_force, self.contact.astype(float)
         elif end is not None:  # a force that was zeroed in contact lacks what the tip already bore
-            yield "zero of the force", (0.05 if self._has_air else 0.5) * most, np.ones(len(self.time))
+            zero_share = _TYPICAL_FORCE if self._has_air else _TYPICAL_ZERO_IN_CONTACT
+            yield "zero of the force", zero_share * max_force, np.ones(len(self.time))
         for part in _SECOND_CONTACTS:
             beyond = np.maximum(self.depth - part * deepest, 0.0)
-            yield f"second contact of {part:g}", 0.3 * float(np.max(self._elastic)) / deepest, beyond
-        yield "drift", 0.05 * most, self._since
+            stiffness = _TYPICAL_SECOND_STIFFNESS * float(np.max(self._elastic)) / deepest
+            yield f"second contact of {part:g}", stiffness, beyond
+        yield "drift", _TYPICAL_FORCE * max_force, self._since
         yield "drift in steps", math.inf, bins_of(self.time, _TIME_STEPS)
 
     def _of_the_air(self) -> Iterator[tuple[Any, ...]]:
-        """What is in the air, and in contact as well."""
-        most = 0.05 * float(np.max(np.abs(self.force)))
+        """Yield cause, typical size and derivative (n,) of forces in the air that are in contact as well."""
+        size = _TYPICAL_FORCE * float(np.max(np.abs(self.force)))
         if self._has_air:
-            speed = self.rate / max(float(np.max(np.abs(self.rate))), 1e-300)
-            yield "drag", most, speed
-            yield "friction", most, np.tanh(speed / _FRICTION_SPEED_SHARE)
-            yield "cable", most, self.depth / float(np.max(self.depth))
-            yield "adhesion", most, -self.contact.astype(float)
+            speed = self.rate / max(float(np.max(np.abs(self.rate))), _SMALLEST_SPEED)
+            yield "drag", size, speed
+            yield "friction", size, np.tanh(speed / _FRICTION_SPEED_SHARE)
+            yield "cable", size, self.depth / float(np.max(self.depth))
+            yield "adhesion", size, -self.contact.astype(float)
 
     @property
     def _bends(self) -> bool:
@@ -240,44 +263,45 @@ class JudgedRows:
 
     @property
     def _at(self) -> tuple[Floats, float]:
+        """The parameters (k,) and the surface [m] of the track."""
         return self.track.values, self.track.surface
 
     def _whole(self, values: Floats) -> Floats:
-        """Values of the course's used samples, none in the air."""
+        """Return values of the course's used samples, 0 in the air."""
         return np.concatenate([values[self.course.used], np.zeros(len(self.time) - self.count)])
 
 
 def bins_of(values: Floats, count: int) -> Floats:
-    """Indicators (n, count) of bins of equal numbers of samples; none of NaN."""
-    rows, found = np.flatnonzero(np.isfinite(values)), np.zeros((len(values), count))
+    """Return the indicators (n, count) of bins of equal numbers of samples; NaN is in none."""
+    rows, indicators = np.flatnonzero(np.isfinite(values)), np.zeros((len(values), count))
     for column, part in enumerate(np.array_split(rows[np.argsort(values[rows], kind="stable")], count)):
-        found[part, column] = 1.0
-    return found
+        indicators[part, column] = 1.0
+    return indicators
 
 
 def _air(track: TrackEvidence, deepest: float) -> Floats:
-    """Time, depth, rate, slow acceleration, and force (5, a) of the air before the contact and after it."""
-    found = [np.zeros((5, 0))]
+    """Return time, depth, rate, slow acceleration, and force (5, a) of the air before the contact and after it."""
+    parts = [np.zeros((5, 0))]
     for time, force, place in ((track.air_time, track.air_force, track.air_position), tuple(track.air_after)):
-        known = np.isfinite(force) & np.isfinite(place)
-        time, force, depth = time[known], force[known], track.surface - place[known]
+        is_finite = np.isfinite(force) & np.isfinite(place)
+        time, force, depth = time[is_finite], force[is_finite], track.surface - place[is_finite]
         if len(time) <= 4 * _MIN_SLOPE_SAMPLES or not np.all(np.diff(time) > 0):
             continue
         rate = _slope(time, depth)
         rows = depth < -IN_AIR * deepest
         rows[:_MIN_SLOPE_SAMPLES] = rows[-_MIN_SLOPE_SAMPLES:] = False  # where a local cubic has one side only
-        found.append(np.array([time, depth, rate, _slope(time, rate), force])[:, rows])
-    return np.concatenate(found, axis=1)
+        parts.append(np.array([time, depth, rate, _slope(time, rate), force])[:, rows])
+    return np.concatenate(parts, axis=1)
 
 
 def _slope(time: Floats, values: Floats) -> Floats:
-    """Slope (n,) in time over a wide window."""
+    """Return the slope (n,) in time over a wide window."""
     step = float(np.median(np.diff(time)))
     return local_cubic(values, _width(step, len(time)), 1) / step
 
 
 def slow_acceleration(course: Course) -> Floats:
-    """Acceleration (n,) [m/s^2] of the depth over a wide window.
+    """Return the acceleration (n,) [m/s^2] of the depth over a wide window.
 
     That of the fit has the same noise as the residual, which would look like a delay or a mass.
     """
@@ -286,7 +310,7 @@ def slow_acceleration(course: Course) -> Floats:
 
 
 def _width(step: float, count: int) -> int:
-    """Samples of the window of slow slopes."""
+    """Return the samples of the window of slow slopes, an odd number."""
     return min(max(round(_SLOPE_WINDOW / step) // 2 * 2 + 1, _MIN_SLOPE_SAMPLES), (count - 1) // 2 * 2 + 1)
 
 

@@ -176,16 +176,17 @@ def _another_law(laws: _LawComparison, table: dict[str, Any], terms: dict[str, f
     delay_std = float(np.hypot(best.std, half_width / np.sqrt(3.0)))
     table |= {"delay": best.delay, "delay_std": delay_std, "law": best.law}
 
-    others = [f"{fit.law} {1e3 * fit.delay:.3g}" for fit in near if fit.bic > laws.best_bic]
-    nearly = f" (nearly as well: {', '.join(others)} ms)" if others else ""
-    own = laws.model_fit
+    other_texts = [f"{fit.law} {1e3 * fit.delay:.3g}" for fit in near if fit.bic > laws.best_bic]
+    nearly = f" (nearly as well: {', '.join(other_texts)} ms)" if other_texts else ""
+    model_fit = laws.model_fit
     text = (
-        f"the record is not {own.law}: by {best.law} the delay is {1e3 * best.delay:.3g} +- {1e3 * delay_std:.2g} ms"
-        f"{nearly}; as {own.law} it would be {1e3 * own.delay:.3g} +- {1e3 * own.std:.2g} ms"
+        f"the record is not {model_fit.law}: by {best.law} the delay is {1e3 * best.delay:.3g} +- "
+        f"{1e3 * delay_std:.2g} ms{nearly}; as {model_fit.law} it would be {1e3 * model_fit.delay:.3g} +- {1e3 * model_fit.std:.2g} ms"
     )
     # A track that estimates the delay has no other statement about it.
-    known = _DETERMINED_FACTS if is_estimated else frozenset[str]()
-    return Diagnosed((Flag("delay-by-law", text, effects=terms),), terms, table=table, known=known)
+    determined_facts = _DETERMINED_FACTS if is_estimated else frozenset[str]()
+    flag = Flag("delay-by-law", text, effects=terms)
+    return Diagnosed((flag,), terms, table=table, known=determined_facts)
 
 
 def _biases_without_delay(laws: _LawComparison, names: Sequence[str], spread: Floats) -> dict[str, Bias]:
