@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +13,18 @@ from palpate_kit.numerics.tip_travel import zero_phase_motion
 
 from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.causes import cause_of
+from palpate_uncertainty.channel_noise import MEDIAN_TO_STD
 from palpate_uncertainty.discrepancy import FARTHEST, NEARLY, Explanation, Misfit
 from palpate_uncertainty.force_noise import ForceNoise
 from palpate_uncertainty.prediction import Prediction, predict_other_half
 from palpate_uncertainty.refit import Course, make_course, zero_without_air
 from palpate_uncertainty.residual_null import ResidualNull, motion_noise
 from palpate_uncertainty.residual_rows import FIXED, JudgedRows, slow_acceleration
-from palpate_uncertainty.score_tests import LEVEL, ResidualSpace, TestedResidual, effective_count
+from palpate_uncertainty.score_tests import LEVEL, Directions, ResidualSpace, TestedResidual, effective_count
 from palpate_uncertainty.whiteness import oscillation
 
-ENOUGH_SAMPLES = 100  # in contact, to test a residual
-OUTLIER_SIGMAS = 6.0  # standard deviations, beyond which a reading counts as an outlier, which is flagged as such
+ENOUGH_SAMPLES = 100  # in contact, to test a residual (choice)
+OUTLIER_SIGMAS = 6.0  # standard deviations (choice), beyond which a reading is an outlier, which is flagged as such
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,12 @@ class ResidualTests:
     bins: Mapping[str, Explanation]  # by what they are over
     scores: Mapping[str, Explanation]  # by cause
     ratio: float  # rms of the residual over that of the null
-    misfit: Misfit  # what is made of it where the tests fail
+    misfit: Misfit  # for the judgement of failed tests
     prediction: Prediction | None = None
 
     @property
     def is_right(self) -> bool:
-        """True where nothing counts against the model."""
+        """True if nothing counts against the model."""
         return self.p >= LEVEL
 
     @property
@@ -50,7 +51,7 @@ class ResidualTests:
         return name if name and NEARLY * (self.bins[name].gain - self.bins[name].numbers) > explained else ""
 
     def table(self) -> dict[str, object]:
-        """As in ``result.json``."""
+        """Return the tests as in ``result.json``."""
         over, scores = ({name: test.p for name, test in tests.items()} for tests in (self.bins, self.scores))
         return {
             "p": self.p, "tests": over, "scores": scores, "unexplained": self.unexplained, "ratio": self.ratio,
@@ -73,8 +74,8 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     course = make_course(track, rows)
     free = sum(unknown.free for unknown in report.unknowns.values())
     scale = math.sqrt(report.rss / max(report.samples - free, 1))
-    own = -scale * kept.innovation  # measured less model
-    residual = np.where(kept.used & np.isfinite(own), own, _left(track, course))[course.used]
+    reported = -scale * kept.innovation  # measured less model
+    residual = np.where(kept.used & np.isfinite(reported), reported, _residual(track, course))[course.used]
     force = ForceNoise.of(track, residual)
     if force is None:
         return None
@@ -125,7 +126,7 @@ def oscillates(course: Course) -> bool:
 
 
 def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
-    """(n,) samples whose acceleration is derived over a hesitation of the arm."""
+    """Return True (n,) for the samples whose acceleration is derived over a hesitation of the arm."""
     hesitating = track.kept.hesitating
     if not hesitating.any():
         return hesitating
@@ -133,8 +134,8 @@ def _disturbed(track: TrackEvidence) -> NDArray[np.bool_]:
     return np.asarray(np.convolve(hesitating, np.ones(width), "full")[width // 2 :][: len(hesitating)] > 0.5)
 
 
-def _left(track: TrackEvidence, course: Course) -> Floats:
-    """Residual (n,) [N] of the force by a track's values."""
+def _residual(track: TrackEvidence, course: Course) -> Floats:
+    """Return the residual (n,) [N] of the force by a track's values."""
     inertia, zero = (track.tip_mass or 0.0) * slow_acceleration(course), zero_without_air(track)
     force = track.kept.force - inertia - (zero.value if zero else 0.0)
     return np.asarray(force - course.forces(track.values, track.surface))
@@ -146,35 +147,63 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     tested = _projected_residual(track, rows, residual, noise)
     # Over bins of time, depth, speed and air any pattern would show.
     bins = {name: tested.score(tested.along(columns)) for name, columns in rows.places()}
-    # Along each alternative that would be visible at its typical size.
+    alternatives = _test_alternatives(tested, rows, len(bins))
+    scores = alternatives.scores
+
+    # The chance of all tests together: single directions overlap, bins do not.
+    all_tests = [*bins.values(), *scores.values()]
+    count = len(bins) + effective_count(alternatives.singles)
+    p = min(1.0, count * min((test.p for test in all_tests), default=1.0))
+
+    explanations = {cause: scores[cause] for cause in alternatives.significant if scores[cause].times < FARTHEST}
+    inside = slice(rows.count)
+    misfit = Misfit(
+        p=p,
+        excess=tested.excess(rows.count, explanations.values()),
+        variation=float(np.std(course.force[course.used])),
+        pattern=max((test.gain for test in all_tests), default=0.0),
+        jacobian=rows.jacobian[inside],
+        is_fitted=rows.free.tolist(),
+        explanations=explanations,
+    )
+    null_rms, rms = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (tested.null.std, tested.residual))
+    prediction = predict_other_half(
+        rows.jacobian[inside][:, rows.free], residual, rows.force[inside], null_rms**2, oscillates(course)
+    )
+    return ResidualTests(p, bins, scores, rms / null_rms, misfit, prediction)
+
+
+@dataclass(frozen=True)
+class _AlternativeTests:
+    """The tests of a residual along alternatives."""
+
+    scores: Mapping[str, Explanation]  # by cause, of those that would show at their typical size
+    significant: Sequence[str]  # causes
+    singles: list[Floats]  # (n,) directions of those of one number
+
+
+def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int) -> _AlternativeTests:
+    """Return the tests along each alternative, next to so many tests over bins."""
     patterns = [*rows.patterns()]
-    visible = {
-        cause: (columns, typical, directions)
-        for (cause, columns, typical), directions in zip(patterns, tested.along_each(patterns), strict=True)
-        if tested.shows(directions, typical)
-    }
-    scores = {cause: tested.score(one, cause_of(cause).one_sided) for cause, (_, _, one) in visible.items()}
+    visible: dict[str, tuple[Floats, float, Directions]] = {}
+    for (cause, columns, typical), directions in zip(patterns, tested.along_each(patterns), strict=True):
+        if tested.shows(directions, typical):
+            visible[cause] = (columns, typical, directions)
+    scores = {}
+    for cause, (_, _, directions) in visible.items():
+        scores[cause] = tested.score(directions, cause_of(cause).one_sided)
+
     # One step to those that are significant, each by itself: the same digits whatever else is tested.
-    number = len(bins) + len(scores)
-    significant = [cause for cause in visible if scores[cause].p * number < LEVEL]
+    count = bin_tests + len(scores)
+    significant = [cause for cause in visible if scores[cause].p * count < LEVEL]
     for cause in significant:
         columns, typical, _ = visible[cause]
         scores[cause] = tested.step(columns, typical, cause_of(cause).one_sided, rows.count)
-    # The chance of all tests together: single directions overlap, bins do not.
-    singles = [one.sharp[:, 0] for cause, (*_, one) in visible.items() if scores[cause].numbers == len(one.sums) == 1]
-    every = [*bins.values(), *scores.values()]
-    p = min(1.0, (len(bins) + effective_count(singles)) * min((test.p for test in every), default=1.0))
-    explanations = {cause: scores[cause] for cause in significant if scores[cause].times < FARTHEST}
-    inside = slice(rows.count)
-    misfit = Misfit(
-        p, tested.excess(rows.count, explanations.values()), float(np.std(course.force[course.used])),
-        max((test.gain for test in every), default=0.0), rows.jacobian[inside], rows.free.tolist(), explanations,
-    )  # fmt: skip
-    usual, size = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (tested.null.std, tested.residual))
-    prediction = predict_other_half(
-        rows.jacobian[inside][:, rows.free], residual, rows.force[inside], usual**2, oscillates(course)
-    )
-    return ResidualTests(p, bins, scores, size / usual, misfit, prediction)
+    singles = []
+    for cause, (_, _, directions) in visible.items():
+        if scores[cause].numbers == len(directions.sums) == 1:
+            singles.append(directions.sharp[:, 0])
+    return _AlternativeTests(scores, significant, singles)
 
 
 def _projected_residual(track: TrackEvidence, rows: JudgedRows, residual: Floats, noise: ForceNoise) -> TestedResidual:
@@ -184,5 +213,6 @@ def _projected_residual(track: TrackEvidence, rows: JudgedRows, residual: Floats
     space = ResidualSpace.of(null.std, rows.jacobian, rows.free, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
     projected = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std
-    limit = OUTLIER_SIGMAS * np.maximum(null.std, 1.4826 * float(np.median(np.abs(projected))))
+    scatter = MEDIAN_TO_STD * float(np.median(np.abs(projected)))
+    limit = OUTLIER_SIGMAS * np.maximum(null.std, scatter)
     return TestedResidual(space, null, np.clip(projected, -limit, limit), len(track.values))

@@ -16,10 +16,11 @@ from palpate_uncertainty.discrepancy import Explanation
 from palpate_uncertainty.residual_null import ResidualNull
 
 LEVEL = 1e-3  # of a record: chance that a right one fails the tests (choice)
-SAYS_NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing
-VISIBLE_SIGMAS = 4.0  # standard deviations by which an alternative of its typical size must show
-MIN_VARIANCE = 1e-6  # of the largest variance, below which a direction does not count
-MIN_SINGULAR_VALUE = 1e-4  # of the largest, below which a direction of an alternative is rounding
+SAYS_NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing (choice)
+VISIBLE_SIGMAS = 4.0  # standard deviations by which an alternative of its typical size must show (choice)
+MIN_VARIANCE = 1e-6  # of the largest variance, below which a direction does not count (choice)
+MIN_SINGULAR_VALUE = 1e-4  # of the largest, below which a direction of an alternative is rounding (choice)
+_SMALLEST = 1e-300  # in a quotient or a root, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,16 @@ class Directions:
     sums: Floats  # (m,) of the residual
 
     def one(self, k: int) -> Directions:
-        """One of several alternatives of one derivative each."""
-        at = slice(k, k + 1)
-        columns = self.scaled[:, at], self.lengths[at], self.sharp[:, at]
-        return Directions(*columns, self.overlap[at, at], self.covariance[at, at], self.sums[at])
+        """Return one of several alternatives of one derivative each."""
+        column = slice(k, k + 1)
+        return Directions(
+            self.scaled[:, column],
+            self.lengths[column],
+            self.sharp[:, column],
+            self.overlap[column, column],
+            self.covariance[column, column],
+            self.sums[column],
+        )
 
 
 @dataclass(frozen=True)
@@ -52,13 +59,13 @@ class TestedResidual:
     def along(self, columns: Floats) -> Directions:
         """Return the residual along the derivatives (n, m) of an alternative, or of several of one each."""
         scaled = columns / self.space.std[:, None]
-        lengths = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+        lengths = np.maximum(np.linalg.norm(scaled, axis=0), _SMALLEST)
         scaled = scaled / lengths
-        own = self.space.beside(scaled)
-        sharp = self.space.sharpest(own)
+        unfitted = self.space.beside(scaled)
+        sharp = self.space.sharpest(unfitted)
         weights = sharp / self.space.std[:, None]
         covariance, sums = self.null.covariance(weights), weights.T @ self.residual
-        return Directions(scaled, lengths, sharp, sharp.T @ own, covariance, sums)
+        return Directions(scaled, lengths, sharp, sharp.T @ unfitted, covariance, sums)
 
     def along_each(self, patterns: list[tuple[str, Floats, float]]) -> Iterator[Directions]:
         """Yield the same of every alternative; those of one derivative are computed together."""
@@ -72,7 +79,7 @@ class TestedResidual:
         if math.isinf(typical):
             return True
         sizes = typical * alternative.lengths
-        spread = math.sqrt(max(float(sizes @ alternative.covariance @ sizes), 1e-300))
+        spread = math.sqrt(max(float(sizes @ alternative.covariance @ sizes), _SMALLEST))
         return float(sizes @ alternative.overlap @ sizes) >= VISIBLE_SIGMAS * spread
 
     def score(self, alternative: Directions, one_sided: bool = False) -> Explanation:
@@ -96,7 +103,7 @@ class TestedResidual:
         return replace(test, shifts=moved, times=times, power=self._power(alternative, test, inside))
 
     def _power(self, alternative: Directions, test: Explanation, inside: int) -> float:
-        """Mean square [N^2] in contact of the residual along an alternative, less what chance has there."""
+        """Return the mean square [N^2] in contact of the residual along an alternative, less that by chance."""
         directions, sizes, _ = np.linalg.svd(self.space.beside(alternative.scaled), full_matrices=False)
         directions = directions[:, sizes > MIN_SINGULAR_VALUE * sizes[0]]
         along = directions @ (directions.T @ (self.residual / self.space.std)) * self.space.std
@@ -104,7 +111,7 @@ class TestedResidual:
         return beyond_chance * float(np.mean(along[:inside] ** 2))
 
     def excess(self, inside: int, explanations: Iterable[Explanation]) -> float:
-        """Mean square [N^2] in contact of what neither noise nor declared inputs within their uncertainty explain.
+        """Return the mean square [N^2] in contact that neither noise nor declared inputs explain.
 
         At least that along the best alternative: a pattern far below the noise of single readings is seen there alone.
         """
@@ -115,9 +122,9 @@ class TestedResidual:
 
     @staticmethod
     def _axes(alternative: Directions) -> tuple[Floats, Floats]:
-        """Variances (d,) of an alternative's independent sums, and their directions (m, d)."""
+        """Return the variances (d,) of an alternative's independent sums, and their directions (m, d)."""
         powers, axes = np.linalg.eigh(alternative.covariance)
-        independent = powers > MIN_VARIANCE * max(float(powers[-1]), 1e-300)
+        independent = powers > MIN_VARIANCE * max(float(powers[-1]), _SMALLEST)
         return powers[independent], axes[:, independent]
 
 
@@ -143,23 +150,23 @@ class ResidualSpace:
         """Return the space of residuals of a standard deviation (n,) [N] without what is free, open and stated."""
         fitted = jacobian[:, free]
         columns = np.column_stack([fitted, *open_facts]) / std[:, None]
-        basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
+        basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), _SMALLEST))[0]
         alone = cls(std, basis, fitted / std[:, None], free, np.zeros((len(std), 0)))
         return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
 
     def beside(self, values: Floats) -> Floats:
-        """Values (n, ...) less what is taken of them."""
+        """Return values (n, ...) less the part of them that fit and open facts take."""
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
     def taken_by(self, values: Floats) -> Floats:
-        """Shifts (k + 1,) of parameters and surface by which a fit follows values (n,); none of what is fixed."""
-        sizes = np.maximum(np.linalg.norm(self.fitted, axis=0), 1e-300)
+        """Return the shifts (k + 1,) of parameters and surface by which a fit follows values (n,); 0 if fixed."""
+        sizes = np.maximum(np.linalg.norm(self.fitted, axis=0), _SMALLEST)
         moved = np.zeros(len(self.free))
         moved[self.free] = np.linalg.lstsq(self.fitted / sizes, values, rcond=None)[0] / sizes
         return moved
 
     def sharpest(self, values: Floats) -> Floats:
-        """Direction (n, ...) in which values stand out most from the noise and what is stated."""
+        """Return the direction (n, ...) in which values stand out most from the noise and what is stated."""
         both = np.eye(self.stated.shape[1]) + self.stated.T @ self.stated
         return np.asarray(values - self.stated @ np.linalg.solve(both, self.stated.T @ values))
 

@@ -181,7 +181,8 @@ def _another_law(laws: _LawComparison, table: dict[str, Any], terms: dict[str, f
     model_fit = laws.model_fit
     text = (
         f"the record is not {model_fit.law}: by {best.law} the delay is {1e3 * best.delay:.3g} +- "
-        f"{1e3 * delay_std:.2g} ms{nearly}; as {model_fit.law} it would be {1e3 * model_fit.delay:.3g} +- {1e3 * model_fit.std:.2g} ms"
+        f"{1e3 * delay_std:.2g} ms{nearly}; as {model_fit.law} it would be {1e3 * model_fit.delay:.3g} +- "
+        f"{1e3 * model_fit.std:.2g} ms"
     )
     # A track that estimates the delay has no other statement about it.
     determined_facts = _DETERMINED_FACTS if is_estimated else frozenset[str]()
