@@ -139,7 +139,7 @@ def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
 
 
 def _unknown(report: FitReport | None, name: str) -> str:
-    """Return an unknown that is no parameter of the model as text; empty where the fit does not have it."""
+    """Return an unknown that is not a parameter of the model as text; empty where the fit does not have it."""
     unknown = None if report is None else report.unknowns.get(name)
     if unknown is None or not unknown.free:
         return ""

@@ -40,15 +40,15 @@ _TYPICAL_POWER = 0.5  # of the depth, by which the force of another tip grows ot
 _TYPICAL_STIFFENING = 0.5  # of the elastic force at the deepest, by another thickness
 _TYPICAL_FADING = 0.3  # of the elastic force, that changes in time, relaxes, or is lost on the way out
 _TYPICAL_SHIFT = 0.1  # of the largest depth, by which the surface moves
-_TYPICAL_DELAY = 5e-3  # [s]
-_TYPICAL_MASS = 0.1  # [kg]
-_TYPICAL_COMPLIANCE = 1.0 / 5e3  # [m/N]
+_TYPICAL_DELAY = 5e-3  # [s] of the force against the motion
+_TYPICAL_MASS = 0.1  # [kg] behind the sensor
+_TYPICAL_COMPLIANCE = 1.0 / 5e3  # [m/N] of a mount
 _TYPICAL_FORCE = 0.05  # of the largest force: a zero, a drift, a drag, friction, a cable, adhesion
 _TYPICAL_ZERO_IN_CONTACT = 0.5  # of the largest force, which a force that was zeroed in contact lacks
 _TYPICAL_SECOND_STIFFNESS = 0.3  # of the mean elastic stiffness, by a second contact
 _TYPICAL_LOSS_AT_LIMIT = 1.0  # of the force above the limit
 # Numbers that keep quotients and logarithms finite.
-_MIN_SPAN = 1e-9  # [s]
+_MIN_SPAN = 1e-9  # [s] of a record
 _MIN_DEPTH, _MIN_PART = 1e-12, 1e-6  # [m], and of the largest depth
 _SMALLEST_SPEED = 1e-300  # [m/s], near the smallest double
 
