@@ -1,4 +1,4 @@
-"""The aligner: feeds on batches, gives samples."""
+"""Aligner: joins the streams of the devices of a run into samples."""
 
 from __future__ import annotations
 
@@ -67,9 +67,15 @@ class Aligner:
         return samples
 
     def _paired(self, final: bool) -> Samples:
+        """Return the samples at the positions up to which every other signal has a reading; with `final` at all of
+        them.
+
+        Force, and what else is read, is interpolated at the stamps of the position.
+        """
         base = self._roles["position"]
-        others = [series for role, series in self._roles.items() if role != "position"]
-        horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
+        other_series = [series for role, series in self._roles.items() if role != "position"]
+        # Up to the latest stamp that every signal has reached; -1 before the first reading of one.
+        horizon = min((-1 if series.last is None else series.last for series in (base, *other_series)), default=-1)
         count = int(np.searchsorted(base.stamps, horizon, side="right"))
         if "velocity" not in self._roles and not final:
             # A central difference needs the next position, too, and behind a beam the force at it.
@@ -77,11 +83,12 @@ class Aligner:
         count = max(count, 0)
         if self._origin is None and count:
             # No sample comes before the first reading of every signal.
-            early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
-            base.drop(early)
-            count -= early
+            skipped = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in other_series)))
+            base.drop(skipped)
+            count -= skipped
         if not count and self._nothing is not None:  # as after most batches, where each stream has its own
             return self._nothing
+        # The position after the block serves its last difference, and stays for the next block.
         stamps = base.stamps[: count + 1]
         signals = self._reader.read(stamps, count)
         block = self._block(stamps, count, signals)
@@ -90,34 +97,42 @@ class Aligner:
         else:
             self._previous = int(block.stamp[-1]), float(block.position[-1])
             base.drop(count)
-            for series in others:
+            for series in other_series:
                 series.forget_before(self._previous[0])
         return block
 
     def _block(self, next_stamps: NDArray[np.int64], count: int, signals: ToolSignals) -> Samples:
+        """Return a block of samples at the first `count` stamps (n,) [ns], the next one for differences; contact is not
+        judged yet."""
         stamps, force, velocity = next_stamps[:count], signals.force, signals.velocity
         if self._origin is None and count:
             self._origin = int(stamps[0])
         if velocity is None:
             velocity = self._central_difference(next_stamps, signals.height)[:count]
+        # A signal of 0 and 1 that is interpolated counts as 1 from the middle on.
         measuring = np.ones(len(stamps), bool)
         if "measuring" in self._roles:
             measuring = self._roles["measuring"].at(stamps) > 0.5
-        before = stamps[:1] if self._previous is None else np.array([self._previous[0]])
-        interval = np.diff(np.concatenate([before, stamps])) / _SECOND if len(stamps) else np.zeros(0)
+        previous_stamp = stamps[:1] if self._previous is None else np.array([self._previous[0]])
+        # The interval of a sample is the time since the one before; 0 of the first of a record.
+        interval = np.diff(np.concatenate([previous_stamp, stamps])) / _SECOND if len(stamps) else np.zeros(0)
         self._counts["samples"] += len(stamps)
         self._counts["force"] += int(np.count_nonzero(np.isnan(force)))
         self._counts["velocity"] += int(np.count_nonzero(np.isnan(velocity)))
         time = (stamps - (self._origin or 0)) / _SECOND
         contact = np.zeros(len(stamps), bool)
         # Of a sweep one coordinate is enough: the other one stays at 0.
-        unknown = np.full(len(stamps), 0.0 if any(role in self._roles for role in _LATERAL) else np.nan)
-        lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
+        unread_column = np.full(len(stamps), 0.0 if any(role in self._roles for role in _LATERAL) else np.nan)
+        lateral = [self._roles[role].at(stamps) if role in self._roles else unread_column for role in _LATERAL]
         motion = force, signals.height[:count], velocity, contact, measuring
         return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
-        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and next to a gap."""
+        """Return the velocity (n,) [m/s] at stamps (n,) [ns]; NaN at an end and next to a gap.
+
+        It is the slope at the middle of the parabola through three neighbours, which has no delay: (s2 h1 + s1 h2)/(h1
+        + h2) of the slopes s1, s2 over the steps h1, h2 before and after.
+        """
         if self._previous is not None:
             stamps = np.concatenate([[self._previous[0]], stamps])
             position = np.concatenate([[self._previous[1]], position])
@@ -139,7 +154,7 @@ class Aligner:
 
     @property
     def report(self) -> AlignmentReport:
-        """What has been found out so far."""
+        """Return the evidence of the record so far."""
         contact, counts = self._contact, self._counts
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(

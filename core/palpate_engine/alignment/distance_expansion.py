@@ -10,7 +10,7 @@ from palpate.part_answer import answer_of
 from palpate.surface import Surface
 from palpate.vectors import Floats, dot_columns, finite_rows
 
-_REACH = 0.5e-3  # [m] across the normal: a third order of 0.05 um on a radius of 20 mm
+_REACH = 0.5e-3  # [m] across the normal (0294): a third order of 0.05 um on a radius of 20 mm
 _TANGENT = 50e-6  # [m] likewise, where the surface is not known all around: a sag of 25 nm on 50 mm
 _HIGHER = 0.2  # of the height above it, in air, is reached as well
 _STEP = 1e-3  # [m] of the differences between normals: those of a mesh jump where other vertices count
@@ -66,9 +66,10 @@ class DistanceExpansion:
 def expand_distance(
     surface: Surface, place: Floats, before: DistanceExpansion, radius: float = 0.0
 ) -> DistanceExpansion:
-    """Around a place (3,) [m], by central differences; the plane before goes on, unknown, where the surface ends.
+    """Return the expansion around a place (3,) [m], by central differences of the normals.
 
-    Of the centre of a sphere the height is less by its `radius` [m].
+    Where the surface ends the plane `before` goes on, unknown. Of the centre of a sphere the height is less by its
+    `radius` [m].
     """
     points = answer_of(surface, lambda: surface.nearest(place + _AROUND))
     known = finite_rows(points.normal) & np.isfinite(points.height)
@@ -77,11 +78,14 @@ def expand_distance(
         height = before.height + float(dot_columns(place - before.place, before.normal))
         return DistanceExpansion(place, height, before.normal, reach=_TANGENT)
     curvature = (*points.curvature[0].tolist(), float(points.curvature_std[0].mean()))
-    here = DistanceExpansion(place, float(points.height[0]) - radius, points.normal[0], curvature=curvature, known=1.0)
+    expansion = DistanceExpansion(
+        place, float(points.height[0]) - radius, points.normal[0], curvature=curvature, known=1.0
+    )
     if not known.all():
-        return replace(here, reach=_TANGENT)
+        return replace(expansion, reach=_TANGENT)
+    # H is the derivative of the normal; its symmetric part, for differences are not exactly so.
     slope = (points.normal[1:4] - points.normal[4:]).T / (2 * _STEP)
-    return replace(here, hessian=(slope + slope.T) / 2, reach=_REACH)
+    return replace(expansion, hessian=(slope + slope.T) / 2, reach=_REACH)
 
 
 def _rows(matrix: Floats, vectors: Floats) -> Floats:

@@ -10,7 +10,7 @@ from palpate_engine.alignment.ports import Ports
 from palpate_engine.alignment.signal_series import Series
 
 _SECOND = 1_000_000_000  # [ns]
-_SLOW = 5.0  # usual intervals; a slow stream has long pauses by nature
+_GAP_INTERVALS = 5.0  # usual intervals without a reading, which make a gap of a slow stream: a choice
 
 
 class Intake:
@@ -29,7 +29,7 @@ class Intake:
 
     def _pause(self, stream: Stream) -> float:
         """Return how long [s] readings of a stream may fail to come before that is a gap."""
-        return max(self._gap, _SLOW / stream.rate if stream.rate else 0.0)
+        return max(self._gap, _GAP_INTERVALS / stream.rate if stream.rate else 0.0)
 
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""

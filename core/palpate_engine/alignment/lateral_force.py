@@ -10,8 +10,10 @@ from palpate.device import Batch
 from palpate.vectors import Floats
 
 _PER_NEWTON = 1e3  # whole millinewtons: their sums do not depend on how a record is cut into batches
-_LARGEST = 1e6  # [mN]; what is beyond is not a reading
-_FEWEST = 100  # readings
+_MAX_READING = (
+    1e6  # [mN]; 1 kN, which no sensor of a palpation reads: a choice, which keeps the products within 64 bits
+)
+_MIN_READINGS = 100  # before a share is stated: a choice
 
 
 class LateralForce:
@@ -30,9 +32,9 @@ class LateralForce:
     def add(self, forces: Floats) -> None:
         """Take in forces (n, 3) [N]: the one along, and both across."""
         columns = np.multiply(forces.T, _PER_NEWTON, order="C")  # sums are over whole columns
-        along, first, second = np.abs(columns) < _LARGEST
-        if not (known := along & first & second).all():
-            columns = columns[:, known]
+        along, first, second = np.abs(columns) < _MAX_READING
+        if not (usable := along & first & second).all():
+            columns = columns[:, usable]
         whole = np.rint(columns).astype(np.int64)
         self._count += whole.shape[1]
         for i in range(3):
@@ -44,7 +46,7 @@ class LateralForce:
     def share(self) -> SidewaysShare | None:
         """Share of the force that is sideways; None where there are hardly readings, or the force does not change."""
         n = self._count
-        if n < _FEWEST:
+        if n < _MIN_READINGS:
             return None
         spread = np.array(
             [[(n * self._products[min(i, j)][max(i, j)] - self._sums[i] * self._sums[j]) / n for j in range(3)]
@@ -52,6 +54,8 @@ class LateralForce:
         )  # fmt: skip
         if spread[0, 0] <= 0:
             return None
+        # Slopes of both lateral forces over the one along: covariance over variance.
         x, y = (float(spread[0, i] / spread[0, 0]) for i in (1, 2))
-        left = spread[1, 1] + spread[2, 2] - (x * x + y * y) * spread[0, 0]
-        return SidewaysShare(x, y, float(math.sqrt(max(left, 0.0) / (2 * n) / spread[0, 0])))
+        # Standard uncertainty of the slopes: residual variance over n times the variance along, of two axes together.
+        unexplained = spread[1, 1] + spread[2, 2] - (x * x + y * y) * spread[0, 0]
+        return SidewaysShare(x, y, float(math.sqrt(max(unexplained, 0.0) / (2 * n) / spread[0, 0])))

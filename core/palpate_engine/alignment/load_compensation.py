@@ -32,8 +32,9 @@ class LoadCompensation:
         force = samples.force if self.tare.air is None else samples.force - self.tare.air.at(samples.time)
         if len(force) < SAMPLES_IN_A_ROW:
             return
-        rest = len(force) - SAMPLES_IN_A_ROW + 1
-        highest = force[:rest]
+        windows = len(force) - SAMPLES_IN_A_ROW + 1
+        # The highest of so many samples in a row: a pull lasts, a spike of noise does not.
+        highest = force[:windows]
         for i in range(1, SAMPLES_IN_A_ROW):
-            highest = np.maximum(highest, force[i : i + rest])  # NaN where one is
+            highest = np.maximum(highest, force[i : i + windows])  # NaN where one is
         self.pull = max(self.pull, -float(np.fmin.reduce(highest, initial=0.0)))

@@ -20,7 +20,7 @@ Streams = Mapping[str, tuple[Stream, ...]]  # by device
 
 @dataclass(frozen=True)
 class Port:
-    """Where a signal is read: one column of one stream of one device."""
+    """Place at which a signal is read: one column of one stream of one device."""
 
     signal: Signal
     device: str
@@ -44,25 +44,25 @@ class Port:
         if self.unit == "1":
             return (self.column,)
         names = [channel.name for channel in self.stream.channels]
-        found = [i for i, channel in enumerate(self.stream.channels) if channel.unit == self.unit]
-        ends = [names[i][-1:].lower() for i in found]
+        columns = [i for i, channel in enumerate(self.stream.channels) if channel.unit == self.unit]
+        ends = [names[i][-1:].lower() for i in columns]
         if sorted(ends) == ["x", "y", "z"]:  # a log of others has its columns in any order
-            found.sort(key=lambda i: names[i][-1:].lower())
-        return tuple(found)
+            columns.sort(key=lambda i: names[i][-1:].lower())
+        return tuple(columns)
 
     def has(self, units: Mapping[str, str]) -> bool:
         """Return True if the stream has channels of some names, each in its unit."""
-        own = {channel.name: channel.unit for channel in self.stream.channels}
-        return all(own.get(name) == unit for name, unit in units.items())
+        stream_units = {channel.name: channel.unit for channel in self.stream.channels}
+        return all(stream_units.get(name) == unit for name, unit in units.items())
 
     def beside(self, column: int) -> Port:
-        """Another column of the stream, at the same times; the range is that of the force."""
+        """Return another column of the stream, at the same times; the range is that of the force."""
         limits = self.limits if column in self.components else None
         return Port(self.signal.model_copy(update={"sign": 1}), self.device, self.stream, column, limits)
 
     def named(self, channel: str) -> Port:
         """Return the column of the stream that has a name; raises KeyError where none has."""
-        names = [one.name for one in self.stream.channels]
+        names = [item.name for item in self.stream.channels]
         if channel not in names:
             raise KeyError(channel)
         return self.beside(names.index(channel))
@@ -110,17 +110,17 @@ def channels(streams: Streams) -> Iterator[tuple[str, str, Stream, int]]:
 
 
 def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict[str, Port]:
-    """What is read besides force, position and velocity where the tool turns or the skin is inclined, by role."""
+    """Return by role the ports besides force, position and velocity where the tool turns or the skin is inclined."""
     force, position = roles["force"], roles["position"]
     axes = zip("xyz", force.components, strict=False)
-    found = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
-    turn = next((names for names in TURNS if position.has(names)), TURNS[0])
-    found |= {f"orientation {name}": position.named(name) for name in turn}
+    ports = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
+    orientation_names = next((names for names in TURNS if position.has(names)), TURNS[0])
+    ports |= {f"orientation {name}": position.named(name) for name in orientation_names}
     if settings.is_projecting:
-        found |= {f"position {axis}": position.named(axis) for axis in "xyz"}
+        ports |= {f"position {axis}": position.named(axis) for axis in "xyz"}
         if "velocity" in roles:
             velocity = roles["velocity"]
-            found |= {f"velocity {axis}": velocity.named(axis) for axis in "xyz"}
+            ports |= {f"velocity {axis}": velocity.named(axis) for axis in "xyz"}
             if {"wx", "wy", "wz"} <= {channel.name for channel in velocity.stream.channels}:
-                found |= {f"turn {axis}": velocity.named(f"w{axis}") for axis in "xyz"}
-    return found
+                ports |= {f"turn {axis}": velocity.named(f"w{axis}") for axis in "xyz"}
+    return ports

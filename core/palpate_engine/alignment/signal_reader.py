@@ -55,7 +55,7 @@ class SignalReader(Protocol):
     @property
     @abstractmethod
     def report(self) -> ToolReport:
-        """What has been found out so far."""
+        """Return the evidence of the record so far."""
 
 
 class FixedToolReader(SignalReader):

@@ -10,6 +10,7 @@ from palpate.stream_health import Health
 from palpate.vectors import Floats
 
 _SECOND = 1_000_000_000  # [ns]
+_CARRIED = 3  # readings that a batch leaves to the next, for its health counts third differences
 
 
 class Series:
@@ -29,7 +30,7 @@ class Series:
         self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
         self._repeated = 0  # the reading that goes on
         self._ran = 0  # readings of the run before that
-        self._previous: Floats = np.zeros(0)  # the last three readings
+        self._previous: Floats = np.zeros(0)  # the last readings of the batch before, _CARRIED at most
         self._change = 0.0  # before that
 
     def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
@@ -48,6 +49,7 @@ class Series:
         self.stamps, self.values, self._saturated = stamps, values, saturated
 
     def _beyond_limits(self, values: Floats) -> NDArray[np.bool_]:
+        """Return True for readings (n,) at or beyond the ends of the sensor's range."""
         if self._limits is None:
             return np.zeros(len(values), bool)
         low, high = self._limits
@@ -57,14 +59,15 @@ class Series:
         """Take note of the runs of equal readings, the one that goes on as well, and of how readings change."""
         if not len(values):
             return
-        joined = np.concatenate([self._previous, values])
-        before = len(self._previous)
-        health.changed(joined, before)
-        self._previous = joined[-3:]
-        joined = joined[max(before - 1, 0) :]
-        places = np.flatnonzero(joined[1:] != joined[:-1])
-        changes = np.concatenate([[self._change], np.abs(joined[places + 1] - joined[places])])
-        edges = np.concatenate([[-max(self._repeated, 1)], places, [len(joined) - 1]])
+        readings = np.concatenate([self._previous, values])
+        carried = len(self._previous)
+        health.changed(readings, carried)
+        self._previous = readings[-_CARRIED:]
+        readings = readings[max(carried - 1, 0) :]
+        # Runs of equal readings end where a reading changes; the first continues one of the batch before.
+        places = np.flatnonzero(readings[1:] != readings[:-1])
+        changes = np.concatenate([[self._change], np.abs(readings[places + 1] - readings[places])])
+        edges = np.concatenate([[-max(self._repeated, 1)], places, [len(readings) - 1]])
         runs = np.diff(edges)
         health.repeated(runs, np.maximum(changes, np.append(changes[1:], 0.0)))
         health.step = min(health.step, float(changes[1:].min(initial=np.inf)))
@@ -89,16 +92,18 @@ class Series:
         values = np.full(count, np.nan)
         if not len(self.stamps):
             return values
-        left = np.searchsorted(self.stamps, instants, side="right") - 1
-        inside = (left >= 0) & (instants <= self.stamps[-1])
-        left = left[inside]
-        exact = self.stamps[left] == instants[inside]
-        right = np.where(exact, left, left + 1)
-        width = self.stamps[right] - self.stamps[left]
-        weight = (instants[inside] - self.stamps[left]) / np.maximum(width, 1)
-        found = self.values[left] + weight * (self.values[right] - self.values[left])
-        lost = (width > self.gap) | self._saturated[left] | self._saturated[right]
-        values[inside] = np.where(lost, np.nan, found)
+        earlier = np.searchsorted(self.stamps, instants, side="right") - 1
+        # Only instants between the first reading and the last can be interpolated.
+        inside = (earlier >= 0) & (instants <= self.stamps[-1])
+        earlier = earlier[inside]
+        exact = self.stamps[earlier] == instants[inside]
+        later = np.where(exact, earlier, earlier + 1)
+        # Value at t between stamps t0 and t1: v0 + (v1 - v0)(t - t0)/(t1 - t0).
+        width = self.stamps[later] - self.stamps[earlier]
+        weight = (instants[inside] - self.stamps[earlier]) / np.maximum(width, 1)
+        interpolated = self.values[earlier] + weight * (self.values[later] - self.values[earlier])
+        missing = (width > self.gap) | self._saturated[earlier] | self._saturated[later]
+        values[inside] = np.where(missing, np.nan, interpolated)
         return values
 
     def forget_before(self, instant: int) -> None:

@@ -11,7 +11,9 @@ from palpate.vectors import Floats
 
 from palpate_engine.alignment.distance_expansion import DistanceExpansion, expand_distance
 
-_AHEAD = 1000  # places that are compared with the reach at once
+_BLOCK = 1000  # places that are compared with the reach at once: a choice, which trades memory for calls
+_NORMAL, _HEIGHT, _CURVATURE = slice(0, 3), 3, slice(4, 6)  # columns of the planes of a `DistanceExpansion`
+_CURVATURE_STD, _KNOWN, _COLUMNS = 6, 7, 8
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,13 @@ class SurfaceLookup:
         self._last = DistanceExpansion()
 
     def planes(self, place: Floats, count: int) -> LocalPlanes:
-        """Below places (n, 3) [m]; those after the first `count` are asked for again, as the first ones of the next."""
-        columns, row, last = np.empty((len(place), 8)), 0, self._last
+        """Return the planes below places (n, 3) [m].
+
+        Those after the first `count` are asked for again, as the first ones of the next block.
+        """
+        columns, row, last = np.empty((len(place), _COLUMNS)), 0, self._last
         while row < len(place):
-            length = _length(last.reaches(place[row : row + _AHEAD]))
+            length = _length(last.reaches(place[row : row + _BLOCK]))
             if length == 0:  # where it is expanded it reaches
                 last = expand_distance(self._surface, place[row], last, self._radius)
                 continue
@@ -53,7 +58,8 @@ class SurfaceLookup:
             if row < count <= row + length:
                 self._last = last
             row += length
-        return LocalPlanes(columns[:, :3], columns[:, 3], columns[:, 4:6], columns[:, 6], columns[:, 7])
+        curvature_std, known = columns[:, _CURVATURE_STD], columns[:, _KNOWN]
+        return LocalPlanes(columns[:, _NORMAL], columns[:, _HEIGHT], columns[:, _CURVATURE], curvature_std, known)
 
 
 def _length(reached: NDArray[np.bool_]) -> int:

@@ -16,7 +16,10 @@ from palpate_engine.alignment.ports import PLACE, TURNS, Port, Ports
 GRAVITY = 9.80665  # [m/s^2], standard
 _OUT = (0.0, 0.0, -1.0)  # of the skin, in the frame of a tool that looks at it
 _UP = (0.0, 0.0, 1.0)
-_ALONG = 0.5  # cosine; a force that is read farther off the tool's axis than 60 degrees is not the one along it
+_MIN_AXIAL_COSINE = (
+    0.5  # a choice: a force that is read farther off the tool's axis than 60 degrees is not the one along it
+)
+_MAX_COSINE_TO_Y = 0.9  # of a normal of which the cross product with y is well conditioned: a choice
 _HALF_TURN = (math.pi, 0.0, 0.0)
 
 Vector = tuple[Floats, Floats, Floats]  # of columns (n,)
@@ -24,7 +27,8 @@ Rotations = tuple[Vector, Vector, Vector]  # by rows
 
 
 def mounting_of(settings: AlignmentSettings, axis: int) -> tuple[float, ...] | None:
-    """Rotation vector of the sensor on the tool: as stated, or by the sign of a force that is its z; else None."""
+    """Return the rotation vector of the sensor on the tool: as stated, or by the sign of a force that is its z; else
+    None."""
     if settings.mounting is not None:
         return settings.mounting
     if axis != 2:
@@ -67,30 +71,35 @@ class ToolFrame:
 
     @staticmethod
     def axial(mounting: tuple[float, ...], axis: int) -> float:
-        """Cosine between one of the sensor's axes and the direction out of the skin, seen from the tool."""
+        """Return the cosine between one of the sensor's axes and the direction out of the skin, seen from the tool."""
         return sum(out * row[axis] for out, row in zip(_OUT, rotation_rows(mounting), strict=True))
 
     @staticmethod
     def is_axial(mounting: tuple[float, ...], axis: int) -> bool:
         """Return True if one of the sensor's axes is along the tool."""
-        return abs(ToolFrame.axial(mounting, axis)) >= _ALONG
+        return abs(ToolFrame.axial(mounting, axis)) >= _MIN_AXIAL_COSINE
 
     def load(self, readings: Vector, rows: Rotations, normal: Vector | None = None) -> Load:
         """Return the force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
 
         Along the `normal` at each place, where that is given.
         """
+        # On the tip acts what is read, p (f - b), less the weight m g M^T R^T e.
         down = self._in_sensor(rows, self._down)
         weight = _scaled(down, self._weight)
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
         x, y, z = (f - w for f, w in zip(reading, weight, strict=True))
         along = normal or self._normal
         if along is None:
-            own = (x, y, z)
-            others = [own[i] for i in range(3) if i != self._axis]
+            force_axes = (x, y, z)
+            lateral_axes = [force_axes[i] for i in range(3) if i != self._axis]
             axes = np.full(len(x), float(self._out))
             return Load(
-                self._out * own[self._axis], (others[0], others[1]), _three(reading), weight, axes * weight[self._axis]
+                self._out * force_axes[self._axis],
+                (lateral_axes[0], lateral_axes[1]),
+                _vector(reading),
+                weight,
+                axes * weight[self._axis],
             )
         out = self._in_sensor(rows, along)
         first, second = (self._in_sensor(rows, side) for side in _sides(along))
@@ -98,17 +107,18 @@ class ToolFrame:
         return Load(
             dot_columns(out, force),
             (dot_columns(first, force), dot_columns(second, force)),
-            _three(reading),
+            _vector(reading),
             weight,
             dot_columns(out, weight),
         )
 
     def tilt(self, out: Vector, normal: Vector | None = None) -> Floats:
-        """Angle (n,) [rad] between the tool's axis and the normal, that which is given or stated."""
+        """Return the angle (n,) [rad] between the tool's axis and the normal, that which is given or stated."""
         return np.arccos(np.clip(self.along(out, normal), -1.0, 1.0))
 
     def along(self, place: Vector, normal: Vector | None = None) -> Floats:
-        """Component (n,) of vectors (n,) of the frame of the poses along the normal, that which is given or stated."""
+        """Return the component (n,) of vectors (n,) of the frame of the poses along the normal, which is given or
+        stated."""
         x, y, z = normal or self._normal or _UP
         return place[0] * x + place[1] * y + place[2] * z
 
@@ -121,35 +131,35 @@ class ToolFrame:
 
 
 def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, str]]:
-    """Key and problem of everything without which orientations cannot be used."""
-    force, position, found = ports["force"], ports["position"], list[tuple[str, str]]()
+    """Return key and problem of everything without which orientations cannot be used."""
+    force, position, problems = ports["force"], ports["position"], list[tuple[str, str]]()
     projecting = "normal" if settings.normal is not None else "surface"
     key = projecting if settings.is_projecting else "weight"
     turn = next((names for names in TURNS if position.has(names)), None)
     if turn is None or not position.has(PLACE):
         text = f"needs the tool's orientation, and {position.signal.channel} is of no pose: of a stream with x, y, z"
-        found.append((key, f"{text} and qx, qy, qz, qw, or rx, ry, rz, or roll, pitch, yaw"))
+        problems.append((key, f"{text} and qx, qy, qz, qw, or rx, ry, rz, or roll, pitch, yaw"))
     elif "yaw" in turn and settings.euler is None:
-        found.append(("euler", 'is needed for roll, pitch and yaw: the order of the turns, such as "ZYX"'))
+        problems.append(("euler", 'is needed for roll, pitch and yaw: the order of the turns, such as "ZYX"'))
     if len(force.components) != 3:
-        found.append(
+        problems.append(
             (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
         )
-        return found
+        return problems
     axis = force.components.index(force.column)
     mounting = mounting_of(settings, axis)
     if mounting is None:
         text = f"is needed where the force is the sensor's {'xyz'[axis]}: the rotation vector of the sensor on the tool"
-        found.append(("mounting", text))
+        problems.append(("mounting", text))
     elif not ToolFrame.is_axial(mounting, axis):
         angle = math.degrees(math.acos(min(abs(ToolFrame.axial(mounting, axis)), 1.0)))
-        found.append(
+        problems.append(
             ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
         )
     speed = dict.fromkeys("xyz", "m/s")
     if settings.is_projecting and "velocity" in ports.roles and not ports["velocity"].has(speed):
-        found.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
-    return found
+        problems.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
+    return problems
 
 
 def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
@@ -199,7 +209,7 @@ def _product(one: tuple[Floats, ...], other: tuple[Floats, ...]) -> tuple[Floats
 
 
 def rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> Rotations:
-    """Rows of the rotations of quaternions x, y, z, w (n,) of any length, element by element."""
+    """Return the rows of the rotations of quaternions x, y, z, w (n,) of any length, element by element."""
     x, y, z, w = orientation
     s = 2.0 / (x * x + y * y + z * z + w * w)
     return (
@@ -210,11 +220,16 @@ def rotations(orientation: tuple[Floats, Floats, Floats, Floats]) -> Rotations:
 
 
 def _sides(normal: tuple[float, ...] | Vector) -> tuple[Vector, Vector]:
-    """Two directions along the skin, at right angles."""
+    """Return two directions along the skin, at right angles to each other and to the normal."""
     x, y, z = (np.asarray(part, float) for part in normal)
-    level = np.abs(y) < 0.9
-    length = np.where(level, np.sqrt(z * z + x * x), np.sqrt(z * z + y * y))
-    a, b, c = np.where(level, z, 0.0) / length, np.where(level, 0.0, -z) / length, np.where(level, -x, y) / length
+    # The first is the cross product of the normal with y, or with x where the normal is nearly y.
+    is_off_y = np.abs(y) < _MAX_COSINE_TO_Y
+    length = np.where(is_off_y, np.sqrt(z * z + x * x), np.sqrt(z * z + y * y))
+    a, b, c = (
+        np.where(is_off_y, z, 0.0) / length,
+        np.where(is_off_y, 0.0, -z) / length,
+        np.where(is_off_y, -x, y) / length,
+    )
     return (a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)
 
 
@@ -222,6 +237,6 @@ def _scaled(vector: Vector, factor: float) -> Vector:
     return vector[0] * factor, vector[1] * factor, vector[2] * factor
 
 
-def _three(parts: tuple[Floats, ...]) -> Vector:
+def _vector(parts: tuple[Floats, ...]) -> Vector:
     x, y, z = parts
     return x, y, z

@@ -35,7 +35,7 @@ class TurningToolReader(SignalReader):
         self._axes = [
             series.get(f"force {axis}", series["force"]) for axis, _ in zip("xyz", force.components, strict=True)
         ]
-        self._signs = [settings.force.sign if one is series["force"] else 1 for one in self._axes]
+        self._signs = [settings.force.sign if axis_series is series["force"] else 1 for axis_series in self._axes]
         self._lateral = LateralForce((0, 1, 2))
         self._watch = ToolWatch()
 
@@ -43,47 +43,53 @@ class TurningToolReader(SignalReader):
         """Its account is of samples, which `read` makes."""
 
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
-        """Force, without a weight that turns, height and velocity along the normal, or along the axis that is read.
+        """Return force, without a weight that turns, height and velocity along the normal, or along the axis that is
+        read.
 
         The height is that over the surface, or over the plane through the origin of the poses.
         """
-        now, planes, nothing = stamps[:count], None, np.zeros(count)
+        sample_stamps, planes, zeros = stamps[:count], None, np.zeros(count)
+        # Orientation of the tool at every instant, that after the block included.
         turns = {name: self._series[f"orientation {name}"].at(stamps) for name in self._turns}
         rows = rotations(quaternions(turns, self._euler))
         out = axis_out(rows)
-        height, motion = self._series["position"].values[: len(stamps)], ((nothing, nothing, nothing), nothing)
+        height, motion = self._series["position"].values[: len(stamps)], ((zeros, zeros, zeros), zeros)
         if self._is_projecting:
             place = self._from_end(self._columns("position", stamps), out)
             if self._lookup is None:
                 height = self._frame.along(place) - self._radius
             else:
-                ahead = self._lookup.planes(np.column_stack(place), count)
-                height, planes = ahead.height, ahead[:count]
+                next_planes = self._lookup.planes(np.column_stack(place), count)
+                height, planes = next_planes.height, next_planes[:count]
             motion = (place[0][:count], place[1][:count], place[2][:count]), height[:count]
-        normal = None if planes is None else _three(planes.normal.T)
-        rows, out = _first(rows, count), _three(column[:count] for column in out)
-        load, velocity = self._load(now, rows, normal), self._velocity(now, out, normal)
+        # Force and velocity are those of the samples of the block alone, along the normal below each.
+        normal = None if planes is None else _vector(planes.normal.T)
+        rows, out = _first(rows, count), _vector(column[:count] for column in out)
+        load, velocity = self._load(sample_stamps, rows, normal), self._velocity(sample_stamps, out, normal)
         self._lateral.add(np.column_stack([load.along, *load.across]))
-        tilt = self._frame.tilt(out, normal) if self._is_projecting else nothing
+        tilt = self._frame.tilt(out, normal) if self._is_projecting else zeros
         if planes is None:
-            self._watch.add(load, *motion, tilt, nothing, nothing)
+            self._watch.add(load, *motion, tilt, zeros, zeros)
             return ToolSignals(height, load.along, velocity, np.full((count, 2), np.nan))
+        # Where the surface is not known, NaN takes the force out.
         curvature = planes.curvature.mean(axis=1) * planes.known
         self._watch.add(load, *motion, tilt, curvature, planes.curvature_std)
         return ToolSignals(height, load.along * planes.known, velocity, planes.curvature * planes.known[:, None])
 
     def _from_end(self, end: Vector, out: Vector) -> Vector:
-        """Where the centre of the tip is, from its end, in the frame of the poses."""
+        """Return the centre of the tip, from its end, in the frame of the poses."""
         if not self._radius:
             return end
-        return _three(place + self._radius * axis for place, axis in zip(end, out, strict=True))
+        return _vector(place + self._radius * axis for place, axis in zip(end, out, strict=True))
 
     def _load(self, stamps: NDArray[np.int64], rows: Rotations, normal: Vector | None) -> Load:
-        """Forces on the tip, without a weight that turns."""
-        fx, fy, fz = (sign * one.at(stamps) for sign, one in zip(self._signs, self._axes, strict=True))
+        """Return the forces on the tip, without a weight that turns."""
+        fx, fy, fz = (sign * axis_series.at(stamps) for sign, axis_series in zip(self._signs, self._axes, strict=True))
         return self._frame.load((fx, fy, fz), rows, normal)
 
     def _velocity(self, stamps: NDArray[np.int64], out: Vector, normal: Vector | None) -> Floats | None:
+        """Return the velocity (n,) [m/s] along the normal, of a sphere that of its centre: v + w x r n; None without a
+        signal."""
         if "velocity" not in self._series:
             return None
         if not self._is_projecting:
@@ -95,7 +101,7 @@ class TurningToolReader(SignalReader):
         return self._frame.along(velocity, normal)
 
     def _columns(self, role: str, stamps: NDArray[np.int64]) -> Vector:
-        return _three(self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
+        return _vector(self._series[f"{role} {axis}"].at(stamps) for axis in "xyz")
 
     def release(self, contact: NDArray[np.bool_]) -> None:
         """Part the account into air and contact."""
@@ -107,11 +113,11 @@ class TurningToolReader(SignalReader):
         return ToolReport(self._lateral.share, self._watch.turned)
 
 
-def _three(columns: Iterable[Floats]) -> Vector:
+def _vector(columns: Iterable[Floats]) -> Vector:
     x, y, z = columns
     return x, y, z
 
 
 def _first(rows: Rotations, count: int) -> Rotations:
-    first, second, third = (_three(column[:count] for column in row) for row in rows)
+    first, second, third = (_vector(column[:count] for column in row) for row in rows)
     return first, second, third
