@@ -16,8 +16,8 @@ def refuse_own_motion(pipeline: Rig, limits: SafetySettings) -> None:
     """Raise ConfigurationError where what a device does by itself breaks the limits, wherever it stands."""
     lines = [
         f"  [device.{name}]: {problem}"
-        for name, own in own_motions(pipeline.devices).items()
-        for problem in check_own_motion(own, limits)
+        for name, motion in own_motions(pipeline.devices).items()
+        for problem in check_own_motion(motion, limits)
     ]
     if lines:
         raise ConfigurationError("\n".join([f"{pipeline.path}: an arm breaks the limits of [safety]:", *lines]))
@@ -31,10 +31,10 @@ def check_approach(link: Link, trajectory: Trajectory, limits: SafetySettings) -
     times, setpoint = link.approach_path(trajectory)
     report = check_setpoints(times, setpoint, limits, surface_of(trajectory))
     if report.problems:
-        here, there = (", ".join(f"{1e3 * x:.1f}" for x in place) for place in setpoint.position[[0, -1]])
+        place, start = (", ".join(f"{1e3 * x:.1f}" for x in point) for point in setpoint.position[[0, -1]])
         lines = "\n".join(f"  {problem}" for problem in report.problems)
         raise DeviceError(
-            f"the way from where the tip stands, ({here}) mm in the work frame, to the start at ({there}) mm breaks "
+            f"the way from where the tip stands, ({place}) mm in the work frame, to the start at ({start}) mm breaks "
             f"the limits of [safety]; bring the tip nearer to the start by hand:\n{lines}"
         )
     return report

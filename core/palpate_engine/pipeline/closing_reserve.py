@@ -1,4 +1,4 @@
-"""What a live run keeps back for its end: room on the disk for its log's close, and an open file for its result."""
+"""Reserve of a live run for its end: room on the disk for its log's close, and an open file for its result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import IO
 
 from palpate.errors import OutputError
 
-_SIZE = 4 << 20  # [bytes]; the index of a log of 20 minutes is as large
+_MEGABYTE = 1 << 20  # [bytes]
+_SIZE = 4 * _MEGABYTE  # [bytes]; the index of a log of 20 minutes is as large
+_MODE = 0o666  # read and write for everybody, less the umask: as any new file
 
 
 class ClosingReserve:
@@ -45,7 +47,7 @@ class ClosingReserve:
 
 @contextmanager
 def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
-    """The reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
+    """Yield the reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
     if not wanted:
         yield ClosingReserve(None)
         return
@@ -57,7 +59,7 @@ def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
         if file is not None:
             file.close()
         raise OutputError(
-            f"{folder}: {_SIZE >> 20} MB cannot be kept back for the end of the run: {error.strerror}"
+            f"{folder}: {_SIZE // _MEGABYTE} MB cannot be kept back for the end of the run: {error.strerror}"
         ) from error
     with file:
         yield ClosingReserve(file)
@@ -66,5 +68,5 @@ def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
 def _unnamed_file(folder: Path) -> IO[bytes]:
     """Open a file without a name, which may get one where the file system can do that (open(2), O_TMPFILE)."""
     with suppress(AttributeError, OSError):
-        return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o666), "r+b", buffering=0)
+        return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR, _MODE), "r+b", buffering=0)
     return tempfile.TemporaryFile(dir=folder, buffering=0)

@@ -1,4 +1,4 @@
-"""What a run asks of the flow of its batches, and what it learns of it."""
+"""Flow of a run's batches: what it asks of it, and what it learns."""
 
 from __future__ import annotations
 

@@ -12,11 +12,11 @@ from types import FrameType
 
 from palpate.clocks import clock
 
-_ONE_PRESS = 1.0  # [s] within which presses of Ctrl-C count as one: a key bounces, and a person insists
+_ONE_PRESS = 1.0  # [s] within which presses of Ctrl-C count as one (0458): a key bounces, and a person insists
 
 
 class Interrupt:
-    """Whether a run has been asked to stop, and by what.
+    """Request to stop a run, and its reason.
 
     While arms are connected no press of Ctrl-C ends the process: a later one asks for a halt where the arm is.
     """
@@ -30,7 +30,7 @@ class Interrupt:
         self._trip: Callable[[str], None] | None = None
 
     def trips(self, trip: Callable[[str], None]) -> None:
-        """From now on a request to stop goes to the guard at once; a signal waits for the next batch."""
+        """Pass a request to stop on to the guard at once from now on; a signal waits for the next batch."""
         self._trip = trip
         if self.reason is not None:
             trip(self.reason)
@@ -44,7 +44,7 @@ class Interrupt:
 
     @contextmanager
     def holding_arms(self) -> Iterator[None]:
-        """Within the context arms are connected, and Ctrl-C ends nothing before they stand."""
+        """Let Ctrl-C end nothing before the arms stand, within the context."""
         self._holds_arms = True
         try:
             yield
@@ -52,7 +52,7 @@ class Interrupt:
             self._holds_arms = False
 
     def take(self, number: int, frame: FrameType | None) -> None:
-        """A signal has come."""
+        """Take a signal."""
         if number == signal.SIGINT:
             self._take_press()
             return
@@ -60,7 +60,8 @@ class Interrupt:
         self.reason = f"stopped by {signal.Signals(number).name}; the result is what was found until then"
 
     def _take_press(self) -> None:
-        """Ctrl-C; raises KeyboardInterrupt where nobody waits for an arm, and the run was to stop before."""
+        """Take a press of Ctrl-C; raises KeyboardInterrupt where nobody waits for an arm, and the run was to stop
+        before."""
         now = clock().now()
         is_first, self._pressed = self._pressed is None, now if self._pressed is None else self._pressed
         if now - self._pressed > _ONE_PRESS or (is_first and self.reason is not None):
@@ -87,7 +88,7 @@ class Interrupt:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """For as long as the context lives, signals only take note; outside the main thread no signal arrives.
+    """Yield the request to stop; in the context signals only take note, and outside the main thread no signal arrives.
 
     A lost terminal (SIGHUP) counts like SIGTERM, unless it was ignored before, as under nohup.
     """
@@ -98,16 +99,17 @@ def interruptible() -> Iterator[Interrupt]:
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
-    before = {number: signal.signal(number, interrupt.take) for number in numbers}
+    former_handlers = {number: signal.signal(number, interrupt.take) for number in numbers}
     try:
         yield interrupt
     finally:
-        for number, handler in before.items():
+        for number, handler in former_handlers.items():
             signal.signal(number, handler)
 
 
 def _say(text: str) -> None:
-    """A line for the person at the terminal, from a handler of signals: what it interrupts may be writing as well.
+    """Print a line for the person at the terminal, from a handler of signals: what it interrupts may be writing as
+    well.
 
     Processes of a pool say nothing: the one that started them does.
     """

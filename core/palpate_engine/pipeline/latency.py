@@ -12,8 +12,10 @@ from palpate.device import Batch
 
 from palpate_engine.alignment import Port
 
-# Edges [s] from 0.1 ms to 1000 s, 8 % apart: the resolution of a quantile; a choice.
-_EDGES = np.geomspace(1e-4, 1e3, 210)
+_SHORTEST, _LONGEST = 1e-4, 1e3  # [s]
+_EDGES = np.geomspace(_SHORTEST, _LONGEST, 210)  # [s]; 8 % apart, the resolution of a quantile: a choice
+_QUANTILES = 0.5, 0.99  # that the result states
+_SECOND = 1e9  # [ns]
 
 
 class Latency:
@@ -21,7 +23,7 @@ class Latency:
 
     def __init__(self, position: Port) -> None:
         self._port = position
-        self._delay = round(1e9 * position.signal.delay)
+        self._delay = round(_SECOND * position.signal.delay)
         self._arrived: deque[tuple[NDArray[np.int64], NDArray[np.int64]]] = deque()  # true times, arrivals [ns]
         self._counts = np.zeros(len(_EDGES) + 1, np.int64)
         self._largest = 0.0
@@ -34,7 +36,7 @@ class Latency:
                 self._arrived.append((stamps - self._delay, batch.received))
 
     def served(self, stamps: NDArray[np.int64]) -> None:
-        """Positions of these true times (n,) [ns] have their estimates."""
+        """Take note that positions of these true times (n,) [ns] have their estimates."""
         now, last = host_time_ns(), int(stamps[-1])
         served: list[NDArray[np.int64]] = []  # arrivals [ns]
         while self._arrived and int(self._arrived[0][0][0]) <= last:
@@ -42,7 +44,7 @@ class Latency:
             if (count := int(np.searchsorted(times, last, side="right"))) < len(times):
                 self._arrived.appendleft((times[count:], received[count:]))
             served.append(received[:count])
-        latency = (now - np.concatenate(served)) / 1e9 if served else np.zeros(0)  # [s]
+        latency = (now - np.concatenate(served)) / _SECOND if served else np.zeros(0)  # [s]
         if len(latency):
             self._counts += np.bincount(np.searchsorted(_EDGES, latency), minlength=len(self._counts))
             self._largest = max(self._largest, float(latency.max()))
@@ -51,6 +53,6 @@ class Latency:
         """Return median, 99th percentile (each at most 8 % too large) and maximum [s]; None without an estimate."""
         if not (total := int(self._counts.sum())):
             return None
-        ranks = np.searchsorted(np.cumsum(self._counts), [0.5 * total, 0.99 * total])
+        ranks = np.searchsorted(np.cumsum(self._counts), [share * total for share in _QUANTILES])
         p50, p99 = (min(float(_EDGES[min(rank, len(_EDGES) - 1)]), self._largest) for rank in ranks)
         return {"p50": p50, "p99": p99, "max": self._largest}

@@ -57,15 +57,20 @@ def _run(
     observer: Writer | None,
     rehearsal: Mapping[str, Any] | None,
 ) -> Result:
-    """See `run_pipeline`."""
+    """Run a pipeline, as `run_pipeline` says, in the time that is set.
+
+    The result is written also where something fails after the first batch; a folder of a run that is refused is
+    removed.
+    """
     if lift := lift_facts(pipeline):  # nothing is touched that could be estimated
         pipeline = replace(pipeline, tracks=())
+    # Hashing the inputs and the tracks of a replay go on in threads.
     live = is_live(pipeline.devices)
-    known, beside = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
-    tracks = Tracks(start_tracks(pipeline), None if live else beside)
+    provenance, executor = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
+    tracks = Tracks(start_tracks(pipeline), None if live else executor)
     started = datetime.now(UTC).astimezone()  # the day on which it is made, also in simulated time
     folder = make_folder(pipeline.run.name, out, started)
-    facts = known.result() | lift | rehearsal_facts(pipeline, rehearsal)
+    facts = provenance.result() | lift | rehearsal_facts(pipeline, rehearsal)
     with remove_refused_folder(folder) as begun, interruptible() as interrupt, closing_reserve(folder, live) as room:
         work = _RunContext(pipeline, folder, facts, tracks, interrupt, started, clock().now())
         session: Session | None = None
@@ -73,7 +78,7 @@ def _run(
         failure: Exception | None = None
         try:
             with ExitStack() as stack:
-                stack.enter_context(beside)
+                stack.enter_context(executor)
                 outputs = Outputs(stack, pipeline, work.described(), tracks.online, interrupt.stop, room, observer)
                 session = Session(pipeline, tracks, outputs, interrupt, progress, begun)
                 failure = session.run()
@@ -86,6 +91,7 @@ def _run(
             if failure is None or result is None:  # the outputs do not close: what was recorded is not whole
                 interrupt.stop(error_text(error))
                 result, failure = work.result(session), failure or error
+        # A result is written in any case; its place is part of the message of a failure.
         place = _written(result, folder, room)
     if isinstance(failure, DeviceError | UserError):
         raise type(failure)(f"{failure} (what was found until then is in {place})") from failure
@@ -96,7 +102,7 @@ def _run(
 
 @dataclass(frozen=True)
 class _RunContext:
-    """What a run has from its beginning to its result."""
+    """Facts of a run from its beginning to its result."""
 
     pipeline: Pipeline
     folder: Path
@@ -130,8 +136,8 @@ class _RunContext:
         live, report = session.live, session.report
         facts = {**self.facts, **({} if live is None else {"live": live.table()})}
         facts |= {"started": self.started.isoformat(timespec="seconds"), "duration": clock().now() - self.began}
-        found = self.tracks.results(self.pipeline, report)
-        return build_result(self.pipeline, self.folder, facts, live, report, found, self.interrupt)
+        results = self.tracks.results(self.pipeline, report)
+        return build_result(self.pipeline, self.folder, facts, live, report, results, self.interrupt)
 
 
 def _written(result: Result, folder: Path, room: ClosingReserve) -> Path:
@@ -159,7 +165,7 @@ def _written(result: Result, folder: Path, room: ClosingReserve) -> Path:
 
 @contextmanager
 def remove_refused_folder(folder: Path) -> Iterator[Event]:
-    """Removes the folder of a run that is refused (by pipeline, log or output) before the event, its first batch."""
+    """Remove the folder of a run that is refused (by pipeline, log or output) before the event, its first batch."""
     begun = Event()
     try:
         yield begun

@@ -38,7 +38,7 @@ class PartFailure:
         return Flag("failed", f"{self.complaint(error, when, unclear)}; this track ends here")
 
     def complaint(self, error: BaseException, when: str = "", unclear: Part | None = None) -> str:
-        """``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``.
+        """Return ``estimator 'mine' of plugin my_filter.py failed: ValueError: no (my_filter.py, line 12, in run)``.
 
         The part is that whose code raised, or called what did; `unclear`, or else the estimator, where none is found.
         """
@@ -47,12 +47,12 @@ class PartFailure:
         return f"{self._named(part)} failed{when}: {error_in(error, frame, line)}"
 
     def _named(self, part: Part) -> str:
-        """``estimator 'mine' of plugin my_filter.py``."""
+        """Return ``estimator 'mine' of plugin my_filter.py``."""
         entries = self.registry.parts.get(part.kind, {}).items()
-        found = next(((name, entry) for name, entry in entries if entry.is_of(type(part))), None)
-        if found is None:
+        match = next(((name, entry) for name, entry in entries if entry.is_of(type(part))), None)
+        if match is None:
             return f"{part.kind} {type(part).__name__}"
-        return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"
+        return f"{part.kind} {match[0]!r} of plugin {match[1].plugin.name}"
 
     def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int] | None:
         """Return the part whose code raised, or called what did, and where in it; None where that is unclear."""
@@ -88,20 +88,20 @@ def _is_of(frame: FrameType, part: Part) -> bool:
         return False
 
 
-def check_estimates(found: Any, samples: Samples, parameters: int) -> Estimates:
-    """Estimates of the right form, read-only, those that are not numbers marked as diverged.
+def check_estimates(estimates: Any, samples: Samples, parameters: int) -> Estimates:
+    """Return estimates of the right form, read-only, those that are not numbers marked as diverged.
 
     Raises TypeError or ValueError.
     """
-    if not isinstance(found, Estimates):
-        raise TypeError(f"the tracker's run answers {type(found).__name__}, not Estimates")
+    if not isinstance(estimates, Estimates):
+        raise TypeError(f"the tracker's run answers {type(estimates).__name__}, not Estimates")
     shape = (len(samples), parameters)
     for name in ("values", "std"):
-        given = np.shape(getattr(found, name))
-        if given != shape:
-            raise ValueError(f"the tracker's run answers {name} of shape {given} in place of {shape}")
-    lost = ~finite_rows(found.values) & ((found.status & _MUTE) == 0)
-    if not lost.any():
-        return read_only(found)
-    status = np.where(lost, found.status | np.uint32(Status.DIVERGED), found.status).astype(np.uint32)
-    return read_only(replace(found, status=status))
+        actual = np.shape(getattr(estimates, name))
+        if actual != shape:
+            raise ValueError(f"the tracker's run answers {name} of shape {actual} in place of {shape}")
+    is_missing = ~finite_rows(estimates.values) & ((estimates.status & _MUTE) == 0)
+    if not is_missing.any():
+        return read_only(estimates)
+    status = np.where(is_missing, estimates.status | np.uint32(Status.DIVERGED), estimates.status).astype(np.uint32)
+    return read_only(replace(estimates, status=status))

@@ -23,6 +23,8 @@ from palpate_engine.pipeline.run_flow import run_flow
 from palpate_engine.pipeline.run_result import Result, build_result
 from palpate_engine.pipeline.tracks import RunningTrack, Tracks, start_tracks
 
+_SECOND = 1e9  # [ns]
+
 
 @dataclass(frozen=True)
 class RecordOutcome:
@@ -66,7 +68,7 @@ class RecordTracks:
         it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
         """
         pipeline = self._with(devices, name, text)
-        started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+        started = datetime.fromtimestamp(clock().epoch_ns() / _SECOND, UTC).astimezone()
         start = clock().now()
         tracks = Tracks(list(self._start(pipeline)))
         aligner, samples, estimates = _read(pipeline, tracks, batches)

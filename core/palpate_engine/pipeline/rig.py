@@ -1,4 +1,4 @@
-"""What of a file it takes to move and to listen."""
+"""Rig: that part of a pipeline which it takes to move and to listen."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Rig(Protocol):
 
     @property
     def ports(self) -> Ports:
-        """Where each of its signals is read."""
+        """Return the ports at which its signals are read."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""How batches flow: as fast as they are read, or in real time."""
+"""Flow of batches: as fast as they are read, or in real time."""
 
 from __future__ import annotations
 

@@ -6,8 +6,9 @@ from collections import deque
 
 from palpate.sound_force import SoundForce
 
-_SIGNIFICANT = 5.0  # standard errors
-_READINGS = 20  # over which contact is looked for
+_SIGNIFICANT = 5.0  # standard errors of a mean, above which it is contact (0326)
+_LOST = 0.5  # of that force; a mean below it is free air again: a choice
+_READINGS = 20  # over which contact is looked for (0470)
 
 
 class ContactSearch:
@@ -17,22 +18,24 @@ class ContactSearch:
         self._sound = sound
         self._recent: deque[tuple[float, int, float]] = deque()  # way [m], readings, sum [N]
         self.mean: float | None = None  # [N] of the latest 20 readings; None of fewer
-        self.least = 0.0  # [N] that counts as contact
+        self.threshold = 0.0  # [N] that counts as contact
         self.foot: float | None = None  # way [m] at which contact began; None in the air
 
     def note(self, way: float, count: int, total: float) -> None:
-        """Readings, so many with a sum [N], at a way [m] of the tip inwards."""
+        """Take readings, so many with a sum [N], at a way [m] of the tip inwards."""
         self._recent.append((way, count, total))
+        # The fewest of the latest batches that have 20 readings.
         readings = sum(row[1] for row in self._recent)
         while readings - self._recent[0][1] >= _READINGS:
             readings -= self._recent.popleft()[1]
         if readings < _READINGS:
             return
         self.mean = sum(row[2] for row in self._recent) / readings
-        self.least = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
-        if self.foot is None and self.mean > self.least:
+        self.threshold = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
+        # Contact began where the first of these readings was taken, for the force had risen by then.
+        if self.foot is None and self.mean > self.threshold:
             self.foot = self._recent[0][0]
-        elif self.mean < 0.5 * self.least:
+        elif self.mean < _LOST * self.threshold:
             self.foot = None
         if self.foot is not None:
             self.foot = min(self.foot, way)  # where the material was left behind it is touched again no deeper

@@ -1,4 +1,5 @@
-"""Whether the force rises as the tip goes deeper: a saturated sensor with noise on top repeats no reading."""
+"""Rise of the force as the tip goes deeper, which a saturated sensor does not show, although noise hides that it
+repeats itself."""
 
 from __future__ import annotations
 
@@ -13,16 +14,19 @@ from palpate.vectors import Floats
 
 from palpate_engine.safety.contact_search import ContactSearch
 
-_SHARE = 0.2  # of F w/depth: a law F ~ d^n rises by n/2 of it from the mean of one half to that of the other
-_SIGNIFICANT = 5.0  # standard errors
-_STEPS = 20  # of a window
-_SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within the window then
-_STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes
-_SIDEWAYS = 0.5  # of a window
-_AT_SET_FORCE = 0.9  # of the force that a law holds
-_FEW = 4  # readings of half a window
-_STILL_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it
-_QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings
+_MIN_RISE = 0.2  # of F w/depth (0326): a law F ~ d^n rises by n/2 of it from the mean of one half to that of the other
+_SIGNIFICANT = 5.0  # standard errors (0326)
+_STEPS = 20  # of a window: a choice, the resolution of ways
+_KEPT_WINDOWS = 8  # of steps in memory, before those behind the longest window are dropped: a choice
+_SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within the window then (0326)
+_STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes; a choice
+_MAX_SIDEWAYS = 0.5  # of a window; a way with more across the skin is not judged: a choice
+_AT_SET_FORCE = 0.9  # of the force that a law holds: a choice
+_MIN_READINGS = 4  # of half a window, for a mean: a choice
+_MIN_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it; a choice
+_QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings (0326)
+_MIN_ELAPSED = 1e-9  # [s] guards against a division by 0
+_COMMANDED = 4  # column of a row
 
 
 class RiseWatch:
@@ -48,7 +52,8 @@ class RiseWatch:
     def add(
         self, time: float, forces: Floats, way: float, place: Sequence[float], commanded: float = math.nan
     ) -> str | None:
-        """Why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where it is.
+        """Return why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where
+        it is.
 
         `way` [m] of the tip inwards, from anywhere, and what was `commanded` of it, NaN if not known; `place` [m] of
         the tip.
@@ -76,22 +81,28 @@ class RiseWatch:
         self._rough, self._differences = 0.0, 0
 
     def _quiet(self, readings: Floats) -> str | None:
+        """Return why the noise in contact is not that of a sensor that measures; None where it is, or of fewer than 100
+        readings.
+
+        The noise is the mean square of second differences, from which a smooth rise drops out.
+        """
         usual = self._sound.roughness
         second = np.diff(readings, 2)
         self._rough, self._differences = self._rough + float(second @ second), self._differences + len(second)
         if self._differences < _BLOCK:
             return None
-        found = math.sqrt(self._rough / self._differences)
+        roughness = math.sqrt(self._rough / self._differences)
         self._rough, self._differences = 0.0, 0
-        if found >= _QUIET * usual:
+        if roughness >= _QUIET * usual:
             return None
         return (
-            f"the noise of {self._sound.name} in contact is {100 * found / usual:.0f} % of that at standstill: the "
+            f"the noise of {self._sound.name} in contact is {100 * roughness / usual:.0f} % of that at standstill: the "
             "sensor is saturated or stuck, and the force is unknown"
         )
 
     def _flat(self, time: float, way: float, place: Sequence[float], commanded: float) -> str | None:
-        """Return True if a whole window of the way in shows no rise."""
+        """Return why the force does not rise over a whole window of the way in; None where it does, or on other
+        ways."""
         windows = self._sound.windows
         if not windows or self._has_reached_set_force:
             return None
@@ -103,10 +114,10 @@ class RiseWatch:
             return None
         self._ways.append(way)
         self._rows.append((time, self._count, self._sum, place, commanded))
-        found = next((text for window in windows if (text := self._judge(window)) is not None), None)
-        if len(self._ways) > 8 * _STEPS and self._ways[2 * _STEPS] < way - LONGEST:
+        complaint = next((text for window in windows if (text := self._judge(window)) is not None), None)
+        if len(self._ways) > _KEPT_WINDOWS * _STEPS and self._ways[2 * _STEPS] < way - LONGEST:
             del self._ways[:_STEPS], self._rows[:_STEPS]
-        return found
+        return complaint
 
     def _slows_down(self, first: int, middle: int) -> bool:
         """Return True if the tip slows down from half to half of a window, or nearly stands within it."""
@@ -119,29 +130,45 @@ class RiseWatch:
         )
 
     def _speed(self, begin: int, end: int) -> float:
-        return (self._ways[end] - self._ways[begin]) / max(self._rows[end][0] - self._rows[begin][0], 1e-9)
+        """Return the mean speed [m/s] inwards between two rows."""
+        return (self._ways[end] - self._ways[begin]) / max(self._rows[end][0] - self._rows[begin][0], _MIN_ELAPSED)
 
     def _judge(self, window: float) -> str | None:
+        """Return why the rise over the last way of a `window` [m] is not that of a contact; None where it is, or is not
+        judged.
+
+        With the means F1 and F2 of both halves of a way w that ends at a depth d, F2 - F1 < _MIN_RISE F w/d is not
+        contact, where that bound is five standard errors, and what inertia adds, or more.
+        """
         ways, rows, sound = self._ways, self._rows, self._sound
         first = bisect_right(ways, ways[-1] - window) - 1
         middle = bisect_right(ways, ways[-1] - 0.5 * window) - 1
         if first < 0 or middle <= first or self.contact.foot is None:
             return None
-        (_, n0, sum0, there, _), (_, n1, sum1, *_), (_, n2, sum2, here, _) = rows[first], rows[middle], rows[-1]
+        # Counts and sums are totals since contact began; a half is the difference of two of them.
+        (_, n0, sum0, first_place, _), (_, n1, sum1, *_), (_, n2, sum2, last_place, _) = (
+            rows[first],
+            rows[middle],
+            rows[-1],
+        )
         length = ways[-1] - ways[first]
-        if min(n1 - n0, n2 - n1) < _FEW or math.dist(here, there) > math.hypot(1.0, _SIDEWAYS) * length:
+        if (
+            min(n1 - n0, n2 - n1) < _MIN_READINGS
+            or math.dist(last_place, first_place) > math.hypot(1.0, _MAX_SIDEWAYS) * length
+        ):
             return None
         low, high = (sum1 - sum0) / (n1 - n0), (sum2 - sum1) / (n2 - n1)
         if self._slows_down(first, middle):
             return None
+        # Both bounds are of the mean force of the whole way.
         force = (sum2 - sum0) / (n2 - n0)
-        least = _SHARE * force * length / (ways[-1] - self.contact.foot)
-        error = math.hypot(sound.standard_error(n1 - n0), sound.standard_error(n2 - n1))
-        if least < _SIGNIFICANT * error + sound.inertia or high - low >= least:
+        min_rise = _MIN_RISE * force * length / (ways[-1] - self.contact.foot)
+        std = math.hypot(sound.standard_error(n1 - n0), sound.standard_error(n2 - n1))
+        if min_rise < _SIGNIFICANT * std + sound.inertia or high - low >= min_rise:
             return None
         return (
             f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
-            f"deeper, where any contact gives {least:.2f} N or more: {self._cause(first)}"
+            f"deeper, where any contact gives {min_rise:.2f} N or more: {self._cause(first)}"
         )
 
     def _cause(self, first: int) -> str:
@@ -149,8 +176,8 @@ class RiseWatch:
 
         A tip whose command did not go in meanwhile was there before: its force had risen by then.
         """
-        commanded = self._rows[-1][4] - self._rows[first][4]
-        if not commanded < _STILL_COMMANDED * (self._ways[-1] - self._ways[first]):
+        commanded = self._rows[-1][_COMMANDED] - self._rows[first][_COMMANDED]
+        if not commanded < _MIN_COMMANDED * (self._ways[-1] - self._ways[first]):
             return "the sensor is saturated, and the force is unknown"
         return (
             f"its command went {1e3 * commanded:.2f} mm meanwhile, so that the poses come late, by more than the force "

@@ -18,13 +18,13 @@ from palpate_engine.safety.motion_limits import Excess, Reach
 from palpate_engine.safety.settings import SafetySettings
 from palpate_engine.safety.tool_clearance import ToolGap, tool_clearance
 
-_STEP = 0.002  # [s] between the instants that are checked
-_STRETCH, _COMMON = 30_000, 2  # instants; what two stretches share, for accelerations are of three of them
-_TOLERANCE = 1e-9
-_ROUNDING = 1e-9
-_TURN_CONTRADICTION = 5e-3  # [rad/s]
+_STEP = 0.002  # [s] between the instants that are checked, that of a servo loop of 500 Hz
+_STRETCH, _COMMON = 30_000, 2  # instants, a minute; what two stretches share, for accelerations are of three of them
+_TOLERANCE = 1e-9  # [m] or [m/s^2]; rounding of setpoints that end exactly at a limit
+_ROUNDING = 1e-9  # relative; likewise of a turn
+_TURN_CONTRADICTION = 5e-3  # [rad/s] between stated turn and what the rotations do: a choice
 _ROUNDED_ANGLE = 1e-6  # [rad]; a cosine near 1 is not known better
-_CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do
+_CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do: a choice
 
 
 @dataclass(frozen=True)
@@ -48,20 +48,20 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
     times = (np.asarray(span * _STEP, np.float64) for span in spans)
     surface = surface_of(trajectory)
-    whole = _joined(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
-    return _judged(whole, limits, surface, _ends_pressed_in(whole))
+    whole = _whole_motion(((time, setpoints_at(trajectory, time)) for time in times), limits, surface)
+    return _report(whole, limits, surface, _ends_pressed_in(whole))
 
 
 def check_setpoints(
     times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None = None
 ) -> MotionReport:
-    """Setpoints at times (n,) [s], over a surface if one is given, against the limits."""
-    return _judged(_Stretch.of(times, setpoint, limits, surface), limits, surface)
+    """Return the report of setpoints at times (n,) [s] against the limits, over a surface if one is given."""
+    return _report(_Stretch.of(times, setpoint, limits, surface), limits, surface)
 
 
 @dataclass(frozen=True)
 class _Stretch:
-    """What there is to know of setpoints one after the other."""
+    """Extremes of setpoints one after the other."""
 
     times: tuple[float, float]  # [s] first and last
     reach: Reach
@@ -102,11 +102,11 @@ class _Stretch:
             (float(height[0]), float(height[-1])),
             clearance,
             bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
-            _apart(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
+            _contradiction(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
         )
 
     def and_of(self, other: _Stretch) -> _Stretch:
-        """With the one after it."""
+        """Return the extremes of this stretch and the one after it."""
         return _Stretch(
             (self.times[0], other.times[1]),
             self.reach.and_of(other.reach),
@@ -122,24 +122,28 @@ class _Stretch:
         )
 
 
-def _joined(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None) -> _Stretch:
+def _whole_motion(
+    stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings, surface: Surface | None
+) -> _Stretch:
+    """Return the extremes of all stretches of a motion, each its times (n,) [s] and setpoints."""
     return reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits, surface) for times, setpoint in stretches))
 
 
-def _judged(whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()) -> MotionReport:
-    reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
+def _report(whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()) -> MotionReport:
+    """Return the report of a whole motion; `more` problems are added to those of the limits."""
+    reach, inward, (contradiction, stated, done) = whole.reach, whole.inward, whole.apart
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
-    problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
-    if apart > _CONTRADICTION:
+    problems += [_excess_text(excess) for excess in limits.motion.excesses(reach)]
+    if contradiction > _CONTRADICTION:
         problems.append(
-            f"the setpoints move at {1e3 * seen:.1f} mm/s where their stated velocity is {1e3 * stated:.1f} mm/s"
+            f"the setpoints move at {1e3 * done:.1f} mm/s where their stated velocity is {1e3 * stated:.1f} mm/s"
         )
-    problems += _too_hard(inward, limits)
+    problems += _force_problems(inward, limits)
     if whole.turn > limits.angular_speed * (1.0 + _ROUNDING):
-        turn, most = math.degrees(whole.turn), math.degrees(limits.angular_speed)
-        problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
-    problems += _askew(whole, limits, surface is not None)
-    problems += [*_too_near(whole.clearance), *more]
+        turn, limit = math.degrees(whole.turn), math.degrees(limits.angular_speed)
+        problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {limit:.1f} deg/s")
+    problems += _orientation_problems(whole, limits, surface is not None)
+    problems += [*_clearance_problems(whole.clearance), *more]
     return MotionReport(
         whole.times[1] - whole.times[0],
         reach.low,
@@ -153,18 +157,18 @@ def _judged(whole: _Stretch, limits: SafetySettings, surface: Surface | None, mo
     )
 
 
-def _askew(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[str]:
-    """What is wrong with the orientation of the tool, and with the depth below a surface."""
+def _orientation_problems(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[str]:
+    """Return what is wrong with the orientation of the tool, and with the depth below a surface."""
     problems = []
     if whole.turn_apart > _TURN_CONTRADICTION:
         problems.append(
             f"the tool turns by {math.degrees(whole.turn_apart):.2f} deg/s otherwise than its stated angular velocity"
         )
     if whole.askew > limits.orientation + _ROUNDED_ANGLE:
-        off, most = math.degrees(whole.askew), math.degrees(limits.orientation)
-        what = "the surface's normal" if on_surface else "the work frame's"
+        off, limit = math.degrees(whole.askew), math.degrees(limits.orientation)
+        reference = "the surface's normal" if on_surface else "the work frame's"
         problems.append(
-            f"the tool is {off:.1f} deg off {what}, over the limit of {most:.1f} deg ([safety] orientation)"
+            f"the tool is {off:.1f} deg off {reference}, over the limit of {limit:.1f} deg ([safety] orientation)"
         )
     if on_surface and limits.depth is None:
         problems.append("a motion over a surface needs [safety] depth, the largest depth below it")
@@ -177,7 +181,10 @@ def _askew(whole: _Stretch, limits: SafetySettings, on_surface: bool) -> list[st
 
 
 def _ends_pressed_in(whole: _Stretch) -> list[str]:
-    """That the tip would stay in the material: a motion ends above the skin, or at least where it began."""
+    """Return the problem of a motion after which the tip would stay in the material, if it is one.
+
+    A motion ends above the skin, or at least where it began.
+    """
     first, last = whole.heights
     if not last < min(first, 0.0) - _TOLERANCE:
         return []
@@ -187,8 +194,8 @@ def _ends_pressed_in(whole: _Stretch) -> list[str]:
     ]
 
 
-def _too_near(clearance: ToolGap) -> list[str]:
-    """What is wrong with the way of the tool above the tip."""
+def _clearance_problems(clearance: ToolGap) -> list[str]:
+    """Return what is wrong with the way of the tool above the tip."""
     if clearance.distance > 0.0:
         return []
     place = ", ".join(f"{axis} {1e3 * value:.1f}" for axis, value in zip("xyz", clearance.place))
@@ -199,29 +206,36 @@ def _too_near(clearance: ToolGap) -> list[str]:
 
 
 def _turns(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> tuple[float, float]:
-    """Fastest turn [rad/s], stated or done, and how far both are apart beyond what the stated one changes by."""
+    """Return the fastest turn [rad/s], stated or done, and how far both are apart beyond what the stated one changes
+    by."""
     if setpoint.rotation is None or setpoint.angular_velocity is None or len(times) < 2:
         return setpoint.fastest_turn, 0.0
     middle = 0.5 * (setpoint.rotation[1:] + setpoint.rotation[:-1])
     done = angular_velocities(middle, np.diff(setpoint.rotation, axis=0) / np.diff(times)[:, None])
     stated = 0.5 * (setpoint.angular_velocity[1:] + setpoint.angular_velocity[:-1])
     change = np.linalg.norm(np.diff(setpoint.angular_velocity, axis=0), axis=1)
-    apart = np.linalg.norm(done - stated, axis=1) - change
+    # Within a step the stated turn may change by the difference of its ends.
+    excess = np.linalg.norm(done - stated, axis=1) - change
     fastest = max(setpoint.fastest_turn, float(np.linalg.norm(done, axis=1).max()))
-    return fastest, float(max(apart.max(), 0.0))
+    return fastest, float(max(excess.max(), 0.0))
 
 
-def _apart(moved: Floats, velocity: Floats, change: Floats) -> tuple[float, float, float]:
-    """Where positions move least as the stated velocity says, which within a step may change by so much (n,)."""
+def _contradiction(moved: Floats, velocity: Floats, change: Floats) -> tuple[float, float, float]:
+    """Return by how much [m/s] positions move otherwise than stated, at worst, and the stated and the done speed [m/s]
+    there.
+
+    Within a step (n,) the stated velocity may change by `change` [m/s].
+    """
     stated = 0.5 * (velocity[1:] + velocity[:-1])
-    apart = np.linalg.norm(moved - stated, axis=1) - change
-    if np.isnan(apart).all():
+    excess = np.linalg.norm(moved - stated, axis=1) - change
+    if np.isnan(excess).all():
         return 0.0, 0.0, 0.0
-    worst = int(np.nanargmax(apart))
-    return float(apart[worst]), float(np.linalg.norm(stated[worst])), float(np.linalg.norm(moved[worst]))
+    worst = int(np.nanargmax(excess))
+    return float(excess[worst]), float(np.linalg.norm(stated[worst])), float(np.linalg.norm(moved[worst]))
 
 
-def _sentence(excess: Excess) -> str:
+def _excess_text(excess: Excess) -> str:
+    """Return the sentence on a limit that a motion breaks."""
     value, limit = excess.value, excess.limit
     match excess.what:
         case "low":
@@ -234,7 +248,8 @@ def _sentence(excess: Excess) -> str:
             return f"the acceleration is {value:.2f} m/s^2, over {limit:.2f} m/s^2"
 
 
-def _too_hard(inward: float, limits: SafetySettings) -> list[str]:
+def _force_problems(inward: float, limits: SafetySettings) -> list[str]:
+    """Return the problem of a speed inwards [m/s] at which the force could pass its limit before the tip stands."""
     peak = limits.stop_force + limits.overshoot(inward)
     if peak <= limits.force:
         return []
@@ -244,31 +259,32 @@ def _too_hard(inward: float, limits: SafetySettings) -> list[str]:
     ]
 
 
-def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
-    """What an arm does by itself against the limits, as far as that is known before it says where it stands."""
-    problems = _too_hard(own.speed, limits)
-    if own.speed > limits.speed:
-        problems.insert(0, _sentence(Excess("speed", "", own.speed, limits.speed)))
+def check_own_motion(motion: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
+    """Return what breaks the limits in what an arm does by itself, as far as known before it says where it stands."""
+    problems = _force_problems(motion.speed, limits)
+    if motion.speed > limits.speed:
+        problems.insert(0, _excess_text(Excess("speed", "", motion.speed, limits.speed)))
     problems = [f"the way to the start: {problem}" for problem in problems]
-    if own.deceleration < limits.deceleration - _TOLERANCE:
+    if motion.deceleration < limits.deceleration - _TOLERANCE:
         problems.append(
-            f"the arm brakes at {own.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
+            f"the arm brakes at {motion.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
             f"{limits.deceleration:g} m/s^2"
         )
-    if limits.retract_speed is not None and limits.retract_speed > own.followed_speed:
+    if limits.retract_speed is not None and limits.retract_speed > motion.followed_speed:
         problems.append(
             f"[safety] retract_speed = {1e3 * limits.retract_speed:g} mm/s leaves it farther behind its commands than "
-            f"tracking allows, which is {1e3 * own.followed_speed:.0f} mm/s by its lag: lower the one, raise the other"
+            f"tracking allows, which is {1e3 * motion.followed_speed:.0f} mm/s by its lag: lower the one, raise "
+            "the other"
         )
-    if own.stop is not None and own.stop[1] <= limits.stop_force:
-        key, force = own.stop
+    if motion.stop is not None and motion.stop[1] <= limits.stop_force:
+        key, force = motion.stop
         problems.append(
             f"{key} is {force:g} N, at which the controller stops the arm in the material: it must be above [safety] "
             f"stop_force = {limits.stop_force:g} N, at which the arm leaves it"
         )
-    if limits.stop_force > own.yield_force:
+    if limits.stop_force > motion.yield_force:
         problems.append(
-            f"at {own.yield_force:.3g} N the arm's controller has given way by as much as `tracking` allows, and "
+            f"at {motion.yield_force:.3g} N the arm's controller has given way by as much as `tracking` allows, and "
             f"[safety] stop_force = {limits.stop_force:g} N stops it later: raise `tracking`, or the stiffness of the "
             "controller (is that stated in N/m?)"
         )

@@ -1,4 +1,4 @@
-"""How old readings are when they arrive: how much later they come than the promptest since the standstill."""
+"""Age of readings when they arrive: how much later they come than the promptest since the standstill."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from palpate.clocks import clock
 
-DRIFT = 200e-6  # by which two clocks may run apart
-_FITTED = 60.0  # [s] from which the drift is determined
+_SECOND = 1e9  # [ns]
+DRIFT = 200e-6  # by which two clocks may run apart (0325)
+_FITTED = 60.0  # [s] from which the drift is determined: a choice, which bounds its error
 _CHANGE = 20e-6  # of the drift afterwards: a quartz changes by less within a room
 
 
@@ -32,7 +33,7 @@ class ReadingAge:
         self._before = self.latest = 0.0  # [s] of the last two batches
 
     def add(self, stamps: Sequence[int], arrivals: Sequence[int]) -> None:
-        """A batch: stamps [ns] and arrivals [ns], in their order."""
+        """Take a batch: stamps [ns] and arrivals [ns], in their order."""
         if not len(stamps):
             return
         if self._first is None:
@@ -40,7 +41,7 @@ class ReadingAge:
         began, usual = self._first
         late = elapsed = 0.0
         for stamp, arrival in zip(stamps, arrivals, strict=True):
-            elapsed, late = (arrival - began) / 1e9, (arrival - stamp - usual) / 1e9
+            elapsed, late = (arrival - began) / _SECOND, (arrival - stamp - usual) / _SECOND
             if not self._is_fitted:
                 self._note_second(elapsed, late)
             without_drift = late - self._drift * elapsed
@@ -60,6 +61,7 @@ class ReadingAge:
             self._seconds[-1] = elapsed, late
 
     def _fit_drift(self) -> None:
+        """Fit the drift to the promptest of each second, by the median of the slopes of all pairs (Theil and Sen)."""
         times, lateness = np.array(self._seconds).T
         first, second = np.triu_indices(len(times), 1)
         slopes = (lateness[second] - lateness[first]) / (times[second] - times[first])
@@ -72,12 +74,12 @@ class ReadingAge:
         """Return True if the newest readings of the last two batches were older than a limit [s]."""
         return min(self._before, self.latest) > limit
 
-    def complaint(self, what: str, limit: float) -> str | None:
+    def complaint(self, name: str, limit: float) -> str | None:
         """Return why the arm has to stop, in words; None where the last two batches were in time."""
         if not self.is_over(limit):
             return None
         return (
-            f"{what} come late: the newest is {1e3 * self.latest:.0f} ms old when it arrives, for the second time over "
+            f"{name} come late: the newest is {1e3 * self.latest:.0f} ms old when it arrives, for the second time over "
             f"[safety] reading_age = {1e3 * limit:g} ms; what the tip feels and where it stands now is not known"
             f"{clock().late_computer()}"
         )
@@ -90,16 +92,16 @@ class StampAge:
         self._before = self._latest = 0.0  # [s] of the last two batches
 
     def add(self, stamp: int, arrival: int) -> None:
-        """Stamp and arrival [ns] of the newest reading of a batch."""
-        self._before, self._latest = self._latest, (arrival - stamp) / 1e9
+        """Take stamp and arrival [ns] of the newest reading of a batch."""
+        self._before, self._latest = self._latest, (arrival - stamp) / _SECOND
 
-    def complaint(self, what: str, delay: float, limit: float) -> str | None:
+    def complaint(self, name: str, delay: float, limit: float) -> str | None:
         """Return why the arm has to stop, in words; None where one of the last two is younger than sensor and link
         make it."""
         if min(self._before, self._latest) <= delay + limit:
             return None
         return (
-            f"{what} are {1e3 * self._latest:.0f} ms old by their time-stamps when they arrive, for the second time "
+            f"{name} are {1e3 * self._latest:.0f} ms old by their time-stamps when they arrive, for the second time "
             f"over [safety] sensor_delay + reading_age = {1e3 * (delay + limit):g} ms; what the tip feels and where it "
             "stands now is not known"
         )

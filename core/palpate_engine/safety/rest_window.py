@@ -6,7 +6,8 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-SPAN = 100_000_000  # [ns] of states that show a standstill
+SPAN = 100_000_000  # [ns] of states that show a standstill (0455)
+_SECOND = 1e9  # [ns]
 _MIN_STATES = 8  # of 10 that a controller of 100 Hz sends meanwhile: two may go unseen
 _MAX_SPREAD = 0.1e-3  # [m] along any axis; 4 times what the noise of a pose, 5 um, spreads over 50 states
 _MAX_SPEED = 0.5e-3  # [m/s] between the means of both halves; 10 times what that noise makes of it
@@ -39,7 +40,7 @@ class RestWindow:
             return None
         states = list(self._states)
         first, second = _mean(states[:half]), _mean(states[half:])
-        elapsed = (second[0] - first[0]) / 1e9
+        elapsed = (second[0] - first[0]) / _SECOND
         return math.dist(first[1], second[1]) / elapsed if elapsed > 0 else None
 
     @property
@@ -53,7 +54,7 @@ class RestWindow:
 
 
 def _mean(states: Sequence[tuple[int, tuple[float, ...]]]) -> tuple[float, list[float]]:
-    """Mean time [ns] and mean place [m] of some states."""
+    """Return mean time [ns] and mean place [m] of some states."""
     times = [time for time, _ in states]
     axes = zip(*(place for _, place in states), strict=True)
     return sum(times) / len(times), [sum(axis) / len(states) for axis in axes]

@@ -112,7 +112,7 @@ class SafetySettings(Settings):
 
     @property
     def prompt_reaction(self) -> float:
-        """The same where readings come as promptly as they do in a sound rig."""
+        """Time [s] likewise where readings come as promptly as they do in a sound rig."""
         return self.latency + (self.sensor_delay or 0.0)
 
     def overshoot(self, speed: float) -> float:
@@ -120,7 +120,7 @@ class SafetySettings(Settings):
         return self.stiffness * (speed * self.reaction + speed**2 / (2.0 * self.deceleration))
 
     def excess(self, peak: float) -> str | None:
-        """By how much a force [N] passed `force`, in words; None where it did not."""
+        """Return by how much a force [N] passed `force`, in words; None where it did not."""
         if peak <= self.force:
             return None
         return f"the force reached {peak:.1f} N, {peak - self.force:.1f} N over [safety] force = {self.force:g} N"
@@ -132,19 +132,19 @@ class SafetySettings(Settings):
 
     @property
     def motion(self) -> MotionLimits:
-        """Of the motion alone, without the force."""
+        """Limits of the motion alone, without the force."""
         return MotionLimits(self.low, self.high, self.speed, self.acceleration)
 
     @property
     def fastest(self) -> float:
         """Inward speed [m/s] at which the overshoot just fits between `stop_force` and `force`."""
-        way = max(self.force - self.stop_force, 0.0) / self.stiffness
+        braking_way = max(self.force - self.stop_force, 0.0) / self.stiffness
         a, tau = self.deceleration, self.reaction
-        return a * (math.sqrt(tau**2 + 2.0 * way / a) - tau)
+        return a * (math.sqrt(tau**2 + 2.0 * braking_way / a) - tau)
 
     @property
     def of_an_arm(self) -> ArmLimits:
-        """What an arm has to keep by itself."""
+        """Limits that an arm has to keep by itself."""
         depth = NO_DEPTH if self.depth is None else self.depth
         limits = self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed
         return ArmLimits(*limits, depth, self.reading_age, self.retract_speed or 0.0)

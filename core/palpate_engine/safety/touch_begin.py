@@ -1,4 +1,4 @@
-"""The begin of a touch: how the force rises over its first 0.3 mm."""
+"""Begin of a touch: how the force rises over its first 0.3 mm."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from palpate.sound_force import SoundForce
 
-_HALF = 0.15e-3  # [m]; two of them are compared
-_ENOUGH = 4  # readings of each
-_FEWEST = 8  # touches, of which one is compared with the others
-_FALSE = 0.01  # share of sound maps that get a note
+_HALF = 0.15e-3  # [m]; two of them are compared (0470)
+_MIN_READINGS = 4  # of each half: a choice
+_MIN_TOUCHES = 8  # of which one is compared with the others (0470)
+_FALSE = 0.01  # share of sound maps that get a note (0470)
+_TESTS = 4  # of a touch: slope and shape, each to both sides
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class TouchBegin:
 
     def slopes(self, sound: SoundForce) -> list[TouchSlope]:
         """Return slope and shape; an empty list of a touch that was too short or too fast."""
-        if min(self._counts) < _ENOUGH:
+        if min(self._counts) < _MIN_READINGS:
             return []
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))
         error = math.hypot(*(sound.standard_error(count) for count in self._counts))
@@ -57,11 +58,14 @@ def touch_outlier_text(touches: Sequence[TouchSlope]) -> str | None:
 
     A touch is compared with a prediction interval from the others (Student's t), which 1 % of sound maps exceed.
     """
-    if len(touches) < _FEWEST:
+    if len(touches) < _MIN_TOUCHES:
         return None
     from scipy.stats import t
 
-    factor = float(t.isf(_FALSE / (4 * len(touches)), len(touches) - 2)) * math.sqrt(1.0 + 1.0 / (len(touches) - 1))
+    # Prediction interval of one value from n - 1 others: t s sqrt(1 + 1/(n - 1)), with all touches tested (Bonferroni).
+    factor = float(t.isf(_FALSE / (_TESTS * len(touches)), len(touches) - 2)) * math.sqrt(
+        1.0 + 1.0 / (len(touches) - 1)
+    )
     texts = []
     for number, touch in enumerate(touches):
         others = [*touches[:number], *touches[number + 1 :]]
@@ -69,16 +73,16 @@ def touch_outlier_text(touches: Sequence[TouchSlope]) -> str | None:
         shape, spread = _mean_and_scatter([other.shape for other in others])
         place = ", ".join(f"{1e3 * x:.1f}" for x in touch.place[:2])
         if abs(touch.slope - slope) > factor * scatter:
-            rises = f"{1e-3 * touch.slope:.2f} N/mm in place of {1e-3 * slope:.2f}"
+            difference = f"{1e-3 * touch.slope:.2f} N/mm in place of {1e-3 * slope:.2f}"
         elif abs(touch.shape - shape) > factor * spread:
-            rises = f"by {touch.shape:.2f} of it within the first half, in place of {shape:.2f}"
+            difference = f"by {touch.shape:.2f} of it within the first half, in place of {shape:.2f}"
         else:
             continue
-        texts.append(f"at ({place}) mm the force rises otherwise over its first 0.3 mm: {rises}")
+        texts.append(f"at ({place}) mm the force rises otherwise over its first 0.3 mm: {difference}")
     if not texts:
         return None
-    more = f"; so do {len(texts) - 1} more" if len(texts) > 1 else ""
-    return f"of {len(touches)} touches that {texts[0]}{more}"
+    further = f"; so do {len(texts) - 1} more" if len(texts) > 1 else ""
+    return f"of {len(touches)} touches that {texts[0]}{further}"
 
 
 def _mean_and_scatter(values: Sequence[float]) -> tuple[float, float]:

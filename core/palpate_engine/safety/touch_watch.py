@@ -1,4 +1,4 @@
-"""Whether the force agrees with the place of the tip, which no force sensor can falsify."""
+"""Agreement of the force with the place of the tip, which no force sensor can falsify."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from palpate.vectors import Floats
 from palpate_engine.safety.contact_search import ContactSearch
 from palpate_engine.safety.touch_begin import TouchBegin, TouchSlope
 
-_SIGNIFICANT = 5.0  # standard uncertainties
+_SIGNIFICANT = 5.0  # standard uncertainties (0470)
 _LARGEST_SHIFT = 0.5  # [N] of the zero by a drift that was seen, or of a pull before contact: 5 times a UR's in air
-_SMALL = 0.1  # [N] of excess that the last digit of a coarse sensor makes, or a material's damping
+_MIN_EXCESS = 0.1  # [N]; the last digit of a coarse sensor or a material's damping makes less: a choice
 _LATE = 0.15  # [s] by which the mean of 20 readings may be late: of a sensor of 100 Hz by 0.1
-_SEEN = 10.0  # [s] from which a drift shows: a mean of half a second scatters by some 5 mN
-_LEAVING = 0.1  # [s] after the tip has come to free air, in which readings may still be of the material
-_SHORTEST, _LONGEST = 0.1, 0.5  # [s] of readings in free air that are compared with the standstill
+_MIN_DRIFT_TIME = 10.0  # [s] from which a drift shows: a mean of half a second scatters by some 5 mN
+_LEAVING = 0.1  # [s] (0470) after the tip has come to free air, in which readings may still be of the material
+_MIN_AIR, _MAX_AIR = 0.1, 0.5  # [s] of readings in free air that are compared with the standstill (0470)
+_MIN_STD = 1e-9  # [N] guards against a division by 0
 
 
 class TouchWatch:
@@ -78,26 +79,26 @@ class TouchWatch:
         if in_air:
             self._first = self._first if self._count else time
             self._count, self._sum, self._last = self._count + count, self._sum + total, time
-        lasted = self._last - self._first if self._count else 0.0
-        if in_air and lasted < _LONGEST:
+        duration = self._last - self._first if self._count else 0.0
+        if in_air and duration < _MAX_AIR:
             return None
         mean, readings = self._sum / max(self._count, 1), self._count
         self._count, self._sum = 0, 0.0
         if not in_air:
             self._air_began = None
-        return self._zero_fault(mean, readings) if lasted >= _SHORTEST else None
+        return self._zero_fault(mean, readings) if duration >= _MIN_AIR else None
 
     def _zero_fault(self, mean: float, count: int) -> str | None:
         """Return why a mean of tared readings in free air is not zero; None where it is."""
         sound, elapsed = self._sound, self._last - self._zero_time
         std = math.hypot(sound.standard_error(count), sound.zero_std)
         if abs(mean) <= _SIGNIFICANT * std + sound.inertia + self._shift(self._last):
-            self._drift = abs(mean) / max(elapsed, _SEEN)
+            self._drift = abs(mean) / max(elapsed, _MIN_DRIFT_TIME)
             return None
         return (
-            f"{sound.name} reads {mean:+.2f} N in free air, {abs(mean) / max(std, 1e-9):.0f} standard uncertainties "
-            "from its zero at standstill: is something pulling at the cable, has the zero of the sensor moved, do its "
-            "readings come late, or is the skin higher than stated?"
+            f"{sound.name} reads {mean:+.2f} N in free air, {abs(mean) / max(std, _MIN_STD):.0f} standard "
+            "uncertainties from its zero at standstill: is something pulling at the cable, has the zero of the sensor "
+            "moved, do its readings come late, or is the skin higher than stated?"
         )
 
     def _shift(self, time: float) -> float:
@@ -110,7 +111,7 @@ class TouchWatch:
         mean, sound = self._contact.mean, self._sound
         if mean is None or self._was_touched:
             return None
-        if mean >= -max(self._contact.least + self._shift(time), _LARGEST_SHIFT):
+        if mean >= -max(self._contact.threshold + self._shift(time), _LARGEST_SHIFT):
             return None
         return (
             f"{sound.name} fell to {mean:.2f} N before a contact was felt: is something pulling at the cable, has the "
@@ -125,8 +126,9 @@ class TouchWatch:
             self._foot, self._first_way, self._lateral = tuple(place), contact.foot, 0.0
             self._begin = None if self._was_touched else TouchBegin(self._foot, contact.foot)
             self._was_touched = True
-        across = math.dist(place, self._foot) ** 2 - (way - self._first_way) ** 2
-        self._lateral = max(self._lateral, math.sqrt(max(across, 0.0)))
+        # The way across the skin is what is left of the whole way without that inwards.
+        lateral_square = math.dist(place, self._foot) ** 2 - (way - self._first_way) ** 2
+        self._lateral = max(self._lateral, math.sqrt(max(lateral_square, 0.0)))
         if self._begin is not None and self._begin.add(way, count, total):
             self.slopes += self._begin.slopes(sound)
             self._begin = None
@@ -136,7 +138,8 @@ class TouchWatch:
         # A skin may rise by as much as the tip goes across it. On the way out a force never exceeds that on the way in.
         depth = max(deepest for _, deepest in self._lately) - self._first_way
         depth = max(depth + self._lateral, 0.0) + _SIGNIFICANT * sound.position_std
-        limit = sound.stiffness * depth + max(2.0 * contact.least, _SMALL) + self._shift(time)
+        # F <= K d + 2 F0, with what the zero may be off by.
+        limit = sound.stiffness * depth + max(2.0 * contact.threshold, _MIN_EXCESS) + self._shift(time)
         if contact.mean <= limit:
             return None
         return (

@@ -1,4 +1,4 @@
-"""What arms need before they move: their limits, and no load on the sensor that the tare would hide."""
+"""Preparation of arms before they move: their limits, and no load on the sensor that the tare would hide."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate_engine.alignment import Port
 from palpate_engine.pipeline.live.guard import Guard
 from palpate_engine.safety import SafetySettings
 
-_OFF = 0.5  # [N] from a known offset; drift and weight of another posture are less
+_MAX_OFFSET_CHANGE = 0.5  # [N] from a known offset; drift and weight of another posture are less: a choice
 
 
 def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings) -> None:
@@ -20,6 +20,7 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
     port, contact = guard.force, guard.contact
     assert contact.tare is not None
     channels, tare = contact.components, tuple(contact.tare.tolist())
+    # An arm reads the sensor by itself only through a shared ring of its device.
     source = links.get(port.device)
     shared = source.shared(port.stream.name) if isinstance(source, SupportsSharing) else None
     for arm in links.values():
@@ -40,18 +41,18 @@ def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset
     """
     force = port.signal.channel
     if offset is None:
-        on_skin, what = abs(standstill), "which the tare hides"
+        on_skin, remark = abs(standstill), "which the tare hides"
     else:
         on_skin = abs(port.signal.sign * standstill - offset)
-        what = f"{on_skin:.2f} N from the known offset"
-        if on_skin > _OFF:
+        remark = f"{on_skin:.2f} N from the known offset"
+        if on_skin > _MAX_OFFSET_CHANGE:
             raise DeviceError(
-                f"{force} reads {standstill:.2f} N at standstill, {what}: the tip touches something, or the sensor was "
-                'restarted since; lift the tip, or set [alignment] tare = "free-air"'
+                f"{force} reads {standstill:.2f} N at standstill, {remark}: the tip touches something, or the sensor "
+                'was restarted since; lift the tip, or set [alignment] tare = "free-air"'
             )
     if on_skin + limits.stop_force > limits.force:
         raise DeviceError(
-            f"{force} reads {standstill:.2f} N at standstill, {what}: with [safety] stop_force = "
+            f"{force} reads {standstill:.2f} N at standstill, {remark}: with [safety] stop_force = "
             f"{limits.stop_force:g} N the skin could feel {on_skin + limits.stop_force:.1f} N, over force = "
             f"{limits.force:g} N; free the tip, zero the sensor, or lower stop_force"
         )

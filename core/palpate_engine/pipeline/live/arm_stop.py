@@ -1,4 +1,4 @@
-"""The stop of the arms: its first reason, and whether they leave and stand as they are to."""
+"""Stop of the arms: its first reason, and whether they leave and stand as they are to."""
 
 from __future__ import annotations
 

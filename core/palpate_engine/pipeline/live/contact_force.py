@@ -13,6 +13,7 @@ from palpate.vectors import Floats
 from palpate_engine.alignment import Port
 
 _TORQUE = "N*m"
+_SECOND = 1e9  # [ns]
 
 
 class ContactForce:
@@ -33,6 +34,7 @@ class ContactForce:
         self._count: RepeatCount | None = None
 
     def _range(self, column: int) -> tuple[float, float]:
+        """Return the ends [unit] between which a column measures; infinite where none are stated."""
         limits = self.port.limits if column == self.port.column else self._channels[column].limits
         return limits or (-np.inf, np.inf)
 
@@ -40,7 +42,7 @@ class ContactForce:
         return address(self.port.device, self.port.stream, self._channels[column])
 
     def rest(self, batch: Batch) -> None:
-        """Readings of the standstill."""
+        """Keep the readings of a batch of the standstill."""
         self._rows.append(batch.values)
         self._stamps.append(batch.time)
 
@@ -48,15 +50,16 @@ class ContactForce:
         """Take tare and usual repeats from the standstill; raises DeviceError where no reading differs from another."""
         rows, stamps = np.concatenate(self._rows), np.concatenate(self._stamps)
         self._rows, self._stamps = [], []
-        axes = {
+        name_by_column = {
             column: self._address(column)
             for column, channel in enumerate(self._channels)
             if column in self.components or (channel.unit == _TORQUE and self.port.unit != "1")
         }
-        span = float(stamps[-1] - stamps[0]) / 1e9
+        # Rate of the stream, by its stamps: repeats are judged by how long they last.
+        span = float(stamps[-1] - stamps[0]) / _SECOND
         rate = (len(stamps) - 1) / span if span > 0 else self.port.stream.rate or 1.0
         stream = ".".join(part for part in self.port.key if part)
-        repeats = Repeats.of(rows, rate, axes, self.components, stream)
+        repeats = Repeats.of(rows, rate, name_by_column, self.components, stream)
         if repeats.longest[0] == len(rows):
             raise DeviceError(
                 f"{repeats.names[0]} repeats its reading in every digit through the standstill, {len(rows)} times: the "
@@ -76,9 +79,9 @@ class ContactForce:
             return f"{self._address(self.components[int(np.flatnonzero(ends)[0])])} is at the end of its range"
         return None
 
-    def torque_fault(self, rows: Floats, most: float) -> str | None:
-        """Return why readings (n, channels) are a torque over `most` [N m], or none; None where they are in order."""
-        return torque_fault(rows[:, self.torques], self.torque_tare, most)
+    def torque_fault(self, rows: Floats, limit: float) -> str | None:
+        """Return why readings (n, channels) are a torque over `limit` [N m], or none; None where they are in order."""
+        return torque_fault(rows[:, self.torques], self.torque_tare, limit)
 
     def repeated(self, rows: Floats) -> str | None:
         """Return why the sensor no longer measures, after the next readings (n, channels) of a motion; None where it

@@ -24,8 +24,9 @@ from palpate_engine.pipeline.live.standstill import Noise, Standstill, refuse_un
 from palpate_engine.pipeline.live.stopped_tip import StoppedTip
 from palpate_engine.safety import SafetySettings
 
-_ENOUGH = 10  # readings
-_PULL = 0.5  # of the force that stops: so much below zero is not adhesion
+_SECOND = 1e9  # [ns]
+_MIN_READINGS = 10  # of force and of position before a standstill is judged: a choice
+_MAX_ADHESION = 0.5  # of the force that stops; a larger pull is not adhesion, and hints at the sign: a choice
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
 )
@@ -64,7 +65,7 @@ class Guard:
 
     @property
     def state(self) -> GuardState:
-        """What it does now."""
+        """Phase of the motion, reason of a stop and largest tared force, as they are now."""
         if self.reason is not None:
             return GuardState("tripped", self.reason, self.peak.tared, self.stop.calls_for_stop is not None)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._host.is_watching else "standstill"
@@ -72,28 +73,28 @@ class Guard:
 
     @property
     def force(self) -> Port:
-        """Where the force is read."""
+        """Port at which the force is read."""
         return self._force.port
 
     @property
     def standstill_force(self) -> Floats:
-        """The force's readings at standstill (n,)."""
+        """Readings (n,) of the force at standstill."""
         return self._force.at_standstill()
 
     @property
     def standstill_middle(self) -> int:
-        """When [ns] that standstill was half over, on the host's clock."""
+        """Time [ns] at which that standstill was half over, on the host's clock."""
         return self._force.standstill_middle
 
     def expect_force(self, expected: ExpectedForce) -> None:
-        """From now on the force has to agree with the place of the tip."""
+        """Let the guard compare the force with the place of the tip from now on."""
         assert self._limits is not None
         still = self._force.at_standstill(), self._position.at_standstill()
-        zero_age = (host_time_ns() - self.standstill_middle) / 1e9
+        zero_age = (host_time_ns() - self.standstill_middle) / _SECOND
         self.rise.begin(*still, self._limits.rise_window, expected, zero_age)
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
-        """From now on the arms are to be stopped, and silence is a fault."""
+        """Let arms be stopped, and silence be a fault, from now on."""
         for watch in (self._force, self._position):
             watch.begin()
         self._host.expect(watch.port.device for watch in (self._force, self._position))
@@ -103,7 +104,8 @@ class Guard:
         self._host.start()
 
     def ended(self, device: str) -> None:
-        """A device has sent its last batch: an arm because its motion is done, others too early while an arm moves."""
+        """Take note of a device that has sent its last batch: an arm because its motion is done, others too early while
+        an arm moves."""
         self._ended.add(device)
         self._host.forget(device)
         if device in self.stop.moving:
@@ -113,20 +115,23 @@ class Guard:
 
     @property
     def error(self) -> DeviceError:
-        """What the run ends with."""
+        """Error with which the run ends."""
         kind = DeviceError if self.stop.calls_for_stop is None else UnstoppedArmError
         return kind(self.account)
 
     def _ended_early(self, device: str) -> None:
-        needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
-        if needed or device in self.stop.moving:
-            what = f"{' and '.join(needed)} can no longer be watched" if needed else "its motion has not begun"
-            self.trip(f"the stream of {device} has ended: {what}")
+        """Stop the arms where a stream has ended that a safety check needs, or that of an arm before its motion."""
+        signal_names = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
+        if signal_names or device in self.stop.moving:
+            consequence = (
+                f"{' and '.join(signal_names)} can no longer be watched" if signal_names else "its motion has not begun"
+            )
+            self.trip(f"the stream of {device} has ended: {consequence}")
         else:
             self.ended_early.add(device)
 
     def close(self) -> None:
-        """The motion is over."""
+        """Take note that the motion is over."""
         self.stop.end()
         self._host.join()
 
@@ -159,17 +164,20 @@ class Guard:
             self.rise.note_command(batch)
 
     def _check_silence(self, device: str, batch: Batch, attended: int | None) -> None:
-        news = len(batch.time) > 0
-        here = attended is None  # this process receives by itself
-        looked = clock().now_ns() if here else int(batch.received[-1]) if news else attended or 0
+        """Stop the arms where force or position is silent for longer than allowed, by the clock of the process that
+        receives."""
+        has_readings = len(batch.time) > 0
+        is_received_here = attended is None  # this process receives by itself
+        look = clock().now_ns() if is_received_here else int(batch.received[-1]) if has_readings else attended or 0
         for watch in (self._force, self._position):
             if watch.port.device == device:
-                silent = watch.silence(batch.stream, looked, news)
+                silent = watch.silence(batch.stream, look, has_readings)
                 if self._limits is not None and silent > self._limits.sensor_timeout:
                     late = clock().late_computer()
                     self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms{late}")
 
     def _check_times(self, key: tuple[str, str], batch: Batch, watched: bool) -> None:
+        """Stop the arms where time-stamps leap ahead of their arrival, or readings come too late."""
         for watch in (self._force, self._position):
             if watch.port.key != key:
                 continue
@@ -181,6 +189,7 @@ class Guard:
                 self.trip(late)
 
     def _check_height(self, batch: Batch, limits: SafetySettings) -> None:
+        """Stop the arms where the height is invalid or below the limit, and see whether they obey."""
         height = self._position.port.signal.sign * self._position.of(batch)
         if not np.isfinite(height).all():
             self.trip(f"a reading of {self._position.name} is invalid")
@@ -193,6 +202,7 @@ class Guard:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
+        """Stop the arms for what readings (n, channels) show: their range, size, torque, repeats and rise."""
         if self.contact.tare is None:
             self.contact.rest(batch)
             return
@@ -211,11 +221,12 @@ class Guard:
             self.trip(fault)
 
     def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
+        """Stop the arms where a tared component of forces (n, components) [N] is over `stop_force`."""
         largest = self.peak.note(values, tare)
         if largest > limits.stop_force:
             pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
-            if pushed < -_PULL * limits.stop_force and self._deeper:
+            if pushed < -_MAX_ADHESION * limits.stop_force and self._deeper:
                 self.stop.add(_REVERSED)
 
     def awaits_readings(self, waited: float) -> bool:
@@ -228,31 +239,32 @@ class Guard:
 
     @property
     def account(self) -> str | None:
-        """Why the arms were stopped, and by how much the force then passed `force`; None where they were not."""
+        """Reason why the arms were stopped, and by how much the force then passed `force`; None where they were not."""
         excess = None if self._limits is None else self._limits.excess(self.peak.tared)
         return self.reason if self.reason is None or excess is None else f"{self.reason}; {excess}"
 
     @property
     def has_stood_still(self) -> bool:
         """True if force and position have sent enough to be judged."""
-        return min(len(self._force.at_standstill()), len(self._position.at_standstill())) >= _ENOUGH
+        return min(len(self._force.at_standstill()), len(self._position.at_standstill())) >= _MIN_READINGS
 
     def judge_standstill(self, declared: Noise | None = None) -> Standstill:
-        """Tare and noise from the standstill in free air; raises DeviceError with advice where they are not plausible.
+        """Return mean and noise of the standstill in free air; raises DeviceError with advice where they are not
+        plausible.
 
         `declared`: the noise of force [N] and velocity [m/s] that estimators count on, by their names.
         """
         force, position = self._force.at_standstill(), self._position.at_standstill()
         velocity = self._velocity.at_standstill() if self._velocity else np.zeros(0)
-        if len(force) < _ENOUGH or len(position) < _ENOUGH:
-            silent = self._force.name if len(force) < _ENOUGH else self._position.name
+        if len(force) < _MIN_READINGS or len(position) < _MIN_READINGS:
+            silent = self._force.name if len(force) < _MIN_READINGS else self._position.name
             raise DeviceError(
                 f"{silent} gave nothing usable at standstill; is the device on, and are its readings valid?"
             )
         refuse_other_clocks(self._force, self._position)
-        speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
-        found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
+        speed = float(velocity.std(ddof=1)) if len(velocity) > _MIN_READINGS else None
+        standstill = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self.contact.tare is None:
-            refuse_unsteady(found, self._limits, self._force.name, declared or {})
+            refuse_unsteady(standstill, self._limits, self._force.name, declared or {})
             self.contact.settle()
-        return found
+        return standstill

@@ -1,4 +1,4 @@
-"""Whether this program is held up: it must come to look at the batches of each device in time."""
+"""Watch over this program, which must come to look at the batches of each device in time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from palpate.clocks import Event, clock
 
-_LOOK_EVERY = 0.02  # [s]
+_LOOK_EVERY = 0.02  # [s]; a tenth or less of what `held_up` usually is: a choice
 
 
 class HostWatch:
@@ -23,7 +23,7 @@ class HostWatch:
         return self._thread.ident is not None
 
     def expect(self, devices: Iterable[str]) -> None:
-        """From now on, batches of these devices must be looked at, and of no others."""
+        """Demand that batches of these devices are looked at from now on, and of no others."""
         now = clock().now()
         self._looked = dict.fromkeys(devices, now)
 

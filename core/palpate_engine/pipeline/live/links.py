@@ -17,11 +17,13 @@ from palpate_engine.pipeline.arrivals import declared_batches, open_link
 from palpate_engine.pipeline.live.guard import Guard
 from palpate_engine.pipeline.rig import Rig
 
-# [s]; what the guard has seen may go on in larger pieces: with the next batch it has waited 10 ms at most
-_GATHER, _GATHER_BEHIND = 0.006, 0.05
-_MOST = 20_000  # pieces that wait to be recorded
-_JOIN = 2.0  # [s]
-_LOOK = 0.05  # [s] without any batch, after which it is asked whether the run is to continue
+_GATHER = (
+    0.006  # [s] over which the guard's batches are joined; with the next one a reading waits 10 ms at most: a choice
+)
+_GATHER_BEHIND = 0.05  # [s] likewise, while the consumer is behind: fewer and larger pieces cost it less
+_MAX_WAITING = 20_000  # pieces that wait to be recorded (0108)
+_JOIN = 2.0  # [s] for the threads to end; links give them an opportunity every 0.1 s: a choice
+_LOOK = 0.05  # [s] without any batch, after which it is asked whether the run is to continue: a choice
 
 
 class LiveLinks:
@@ -59,18 +61,19 @@ class LiveLinks:
                 thread.join(max(deadline - clock().now(), 0.0))
 
     def _pump(self, name: str, link: Link) -> None:
+        """Take the batches of a link past the guard, and put them into the queue in pieces; the body of its thread."""
         gathered: dict[str, list[Batch]] = {}
-        sent = clock().now()
-        attending = (
+        last_pass = clock().now()
+        receiver = (
             link if isinstance(link, SeparateReceiver) else None
         )  # a protocol's check takes longer than a batch's
         try:
             for batch in declared_batches(name, link, self._devices[name].streams):
-                self._guard.check(name, batch, None if attending is None else attending.attended)
+                self._guard.check(name, batch, None if receiver is None else receiver.attended)
                 gathered.setdefault(batch.stream, []).append(batch)
-                if (now := clock().now()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):
-                    self._hand_on(name, gathered)
-                    gathered, sent = {}, now
+                if (now := clock().now()) - last_pass > (_GATHER_BEHIND if self.behind else _GATHER):
+                    self._pass_on(name, gathered)
+                    gathered, last_pass = {}, now
                 if self._ending.is_set():
                     break
         except DeviceError as error:
@@ -79,24 +82,27 @@ class LiveLinks:
             self._guard.stop.failed(f"{name}: {type(error).__name__}: {error}", name)
         finally:
             self._guard.ended(name)
-            self._hand_on(name, gathered)
+            self._pass_on(name, gathered)
             self._queue.put((name, None))
 
-    def _hand_on(self, name: str, gathered: Mapping[str, list[Batch]]) -> None:
+    def _pass_on(self, name: str, gathered: Mapping[str, list[Batch]]) -> None:
+        """Put the gathered batches of each stream into the queue, joined; stop the arms where too many wait."""
         for batches in gathered.values():
             joined = _joined(batches)
             if len(joined.time):
                 self._queue.put((name, joined))
-        if self._queue.qsize() > _MOST:
-            self._guard.trip(f"recording cannot keep up: {_MOST} pieces wait; is the disk, or the computer, too slow?")
+        if self._queue.qsize() > _MAX_WAITING:
+            self._guard.trip(
+                f"recording cannot keep up: {_MAX_WAITING} pieces wait; is the disk, or the computer, too slow?"
+            )
 
     def until(self, deadline: float) -> Iterator[list[tuple[str, Batch]]]:
-        """What comes up to a monotonic time [s], or until every link has ended or the guard has tripped."""
-        while (left := deadline - clock().now()) > 0 and self._running and self._guard.reason is None:
-            yield self._next(min(left, _LOOK))
+        """Yield what comes up to a monotonic time [s], or until every link has ended or the guard has tripped."""
+        while (remaining_time := deadline - clock().now()) > 0 and self._running and self._guard.reason is None:
+            yield self._next(min(remaining_time, _LOOK))
 
     def to_the_end(self, patience: float) -> Iterator[list[tuple[str, Batch]]]:
-        """What comes until every arm, or without arms every link, is done; an empty list where there is nothing.
+        """Yield what comes until every arm, or without arms every link, is done; an empty list where there is nothing.
 
         Once the guard has tripped, arms have `patience` [s] to come to rest.
         """
@@ -107,19 +113,19 @@ class LiveLinks:
             yield self._next(_LOOK)
 
     def after_the_end(self) -> Iterator[list[tuple[str, Batch]]]:
-        """What comes once the arms are done, for as long as the guard waits for what was felt before."""
+        """Yield what comes once the arms are done, for as long as the guard waits for what was felt before."""
         began = clock().now()
         while self._running and self._guard.awaits_readings(clock().now() - began):
             yield self._next(_GATHER)
 
     def remaining(self) -> Iterator[list[tuple[str, Batch]]]:
-        """What is still in the queue after `stop`."""
+        """Yield what is still in the queue after `stop`."""
         while not self._queue.empty():
             yield self._next(0.0)
 
     def _next(self, timeout: float) -> list[tuple[str, Batch]]:
         """Return all that waits in the queue; the first of it may take until `timeout` [s] to come."""
-        found: list[tuple[str, Batch]] = []
+        arrivals: list[tuple[str, Batch]] = []
         self.largest_backlog = max(self.largest_backlog, self._queue.qsize() - 1)
         try:
             wait = timeout > 0 and not self.behind
@@ -128,10 +134,10 @@ class LiveLinks:
                 if batch is None:
                     self._running.discard(name)
                 else:
-                    found.append((name, batch))
+                    arrivals.append((name, batch))
                 name, batch = self._queue.get_nowait()
         except queue.Empty:
-            return found
+            return arrivals
 
 
 def _joined(batches: list[Batch]) -> Batch:
@@ -142,7 +148,8 @@ def _joined(batches: list[Batch]) -> Batch:
 
 
 def connect_devices(rig: Rig, stack: ExitStack) -> dict[str, Link]:
-    """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
+    """Return the links of all devices, connected in parallel; those that came about are left with the stack if one
+    fails."""
     contexts = {name: open_link(name, device, rig.run.seed) for name, device in rig.devices.items()}
     links: dict[str, Link] = {}
     failures: dict[str, BaseException] = {}

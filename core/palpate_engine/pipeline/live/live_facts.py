@@ -1,4 +1,4 @@
-"""What a live run says of itself: ``run.live`` of ``result.json``."""
+"""Facts of a live run: ``run.live`` of ``result.json``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from palpate_engine.result import finite_tree
 
 @dataclass(frozen=True)
 class MotionFacts:
-    """What links and guard say when the motion is over, however it ended."""
+    """Facts of links and guard when the motion is over, however it ended."""
 
     devices: Mapping[str, Any]  # health by name
     largest_backlog: int  # pieces of readings that waited
@@ -43,7 +43,7 @@ class MotionFacts:
 
 @dataclass(frozen=True)
 class EstimateFacts:
-    """How late the estimates were."""
+    """Facts of how late the estimates were."""
 
     latency: Mapping[str, Any] | None
     largest_behind: float  # [s] behind the readings

@@ -1,4 +1,4 @@
-"""How batches flow in real time, while an arm moves."""
+"""Flow of batches in real time, while an arm moves."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from palpate_engine.pipeline.rehearsal import refuse_rehearsal
 if TYPE_CHECKING:
     from palpate_engine.pipeline.flow import Flow
 
+_MIN_ELAPSED = 1e-9  # [s]; a run in simulated time may take none: guards against a division by 0
+
 
 def run_live(flow: Flow) -> None:
     """Connect, stand still, get ready, move; until the arms are done or something stops the run."""
@@ -28,7 +30,7 @@ def run_live(flow: Flow) -> None:
     trajectory = single_trajectory(rig) if rig.trajectories else None
     if trajectory is not None:
         check_live_motion(rig, trajectory)
-    began, before = clock().now(), clock().processor_time()
+    began, processor_time = clock().now(), clock().processor_time()
     guard = Guard(rig.safety, rig.ports)
     with ExitStack() as stack:
         stack.enter_context(flow.interrupt.holding_arms())
@@ -55,8 +57,8 @@ def run_live(flow: Flow) -> None:
             for arrivals in live.links.remaining():
                 live.pass_on(arrivals)
     # Children that have ended count as well; what the devices did is all in here.
-    used = clock().processor_time() - before
-    facts.cpu_cores = used / max(clock().now() - began, 1e-9)
+    busy = clock().processor_time() - processor_time
+    facts.cpu_cores = busy / max(clock().now() - began, _MIN_ELAPSED)
     if guard.account is not None and (flow.interrupt.reason is None or guard.stop.is_stranded):
         raise guard.error
 

@@ -13,7 +13,7 @@ from palpate_engine.pipeline.live.guard import Guard
 from palpate_engine.pipeline.live.links import LiveLinks
 from palpate_engine.pipeline.rig import Rig
 
-_STANDSTILL = 1.0  # [s] without a [safety] table
+_STANDSTILL = 1.0  # [s] without a [safety] table; the default of its `standstill`
 
 
 class LiveRun:

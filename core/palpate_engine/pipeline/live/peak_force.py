@@ -1,4 +1,4 @@
-"""The largest force of a motion, and how long after it readings of it may still come."""
+"""Largest force of a motion, and how long after it readings of it may still come."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from palpate.vectors import Floats
 
 from palpate_engine.safety import SafetySettings
 
-_LATEST = 1.0  # [s] that readings are waited for once the arms stand
+_MAX_WAIT = 1.0  # [s] for readings, once the arms stand: a choice
+_FALLEN = 0.5  # of the force that stops; a latest reading below it is of a tip that has left: a choice
 
 
 class PeakForce:
@@ -27,8 +28,9 @@ class PeakForce:
         return largest
 
     def may_rise(self, waited: float, late: float, limits: SafetySettings) -> bool:
-        """Whether readings from before the arms stood may still come, a time [s] after that, `late` [s] as they are.
+        """Return True if readings from before the arms stood may still come, a time [s] after that, `late` [s] as they
+        are.
 
         Where the force has not fallen, they may be later than is known.
         """
-        return waited <= _LATEST and (waited < late or self.latest > 0.5 * limits.stop_force)
+        return waited <= _MAX_WAIT and (waited < late or self.latest > _FALLEN * limits.stop_force)

@@ -1,4 +1,4 @@
-"""Whether the force agrees with the place of the tip, as the guard sees force and position."""
+"""Comparison of the force with the place of the tip, as the guard sees force and position."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from palpate_engine.safety.touch_watch import TouchWatch
 
 @dataclass(frozen=True)
 class ExpectedForce:
-    """What may be expected of the force in a motion."""
+    """Bounds of the force in a motion."""
 
     inertia: float  # [N] of the tip at most
     set_force: float  # [N] that a law holds
     stiffness: float  # [N/m] of the stiffest material that the tip may meet
     drift: float  # [N/s] of the sensor's zero
+
+
+_SECOND = 1e9  # [ns]
 
 
 class RiseCheck:
@@ -38,7 +41,8 @@ class RiseCheck:
         self.sound: SoundForce | None = None  # the force at standstill; None before a motion
 
     def begin(self, force: Floats, position: Floats, window: float, expected: ExpectedForce, zero_age: float) -> None:
-        """A motion comes: standstill of force [N] and position [m], see `SoundForce`, and what may be expected."""
+        """Take the standstill of force [N] and position [m], see `SoundForce`, and what may be expected in the motion
+        that comes."""
         sound = SoundForce.of(self._force.signal.channel, force, position, window, expected.inertia)
         self.sound = replace(
             sound,
@@ -52,17 +56,17 @@ class RiseCheck:
         self._watch = RiseWatch(self.sound)
 
     def begin_touches(self) -> None:
-        """The tip has shown that it is free: from now on each touch is judged."""
+        """Judge each touch from now on: the tip has shown that it is free."""
         self._judges_touches = self._watch is not None
 
     def note_tip(self, batch: Batch, height: float) -> None:
-        """Readings of the position, of which the latest is at a height [m]."""
+        """Take readings of the position, of which the latest is at a height [m]."""
         self._height = height
         pose = self._position.stream.layout == "pose"
         self._place = tuple(batch.values[-1, :3].tolist()) if pose else (height,)
 
     def note_command(self, batch: Batch) -> None:
-        """Setpoints of the arm whose position it is; those of a pose have its columns."""
+        """Take setpoints of the arm whose position it is; those of a pose have its columns."""
         if self._position.stream.layout == "pose" and len(batch.values):
             self._commanded_height = self._position.signal.sign * float(batch.values[-1, self._position.column])
 
@@ -70,11 +74,11 @@ class RiseCheck:
         """Return why tared forces (n,) [N] that push out are not believed; None where they are."""
         if self._watch is None or math.isinf(self._height):
             return None
-        time, way = float(batch.time[-1]) / 1e9, -self._height
+        time, way = float(batch.time[-1]) / _SECOND, -self._height
         self._zero_time = min(self._zero_time, time - self._watch.sound.zero_age)
-        text = self._watch.add(time, pushed, way, self._place, -self._commanded_height)
-        if text is not None or not self._judges_touches:
-            return text
+        complaint = self._watch.add(time, pushed, way, self._place, -self._commanded_height)
+        if complaint is not None or not self._judges_touches:
+            return complaint
         if self._touch is None:
             self._touch = TouchWatch(self._watch.sound, self._watch.contact, self._zero_time)
         # How high travel is only the process that commands the arm knows.

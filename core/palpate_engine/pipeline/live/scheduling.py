@@ -1,4 +1,4 @@
-"""A live run among other programs: what can be done so that they do not hold it up, nor it them."""
+"""Scheduling of a live run among other programs: they do not hold it up, nor it them."""
 
 from __future__ import annotations
 
@@ -14,32 +14,35 @@ from types import FrameType
 
 from palpate.clocks import URGENT, clock
 
-_SPELL = 2.0  # [s] that an urgent thread may compute without a pause
+_SPELL = 2.0  # [s] that an urgent thread may compute without a pause (0243)
+_SWITCH_INTERVAL = 0.0005  # [s] of Python's threads, a tenth of its default: the guard waits for no longer; a choice
+_MICROSECONDS = 1e6  # in a second, the unit of RLIMIT_RTTIME
 
 
 @contextmanager
 def real_time_section(stop: Callable[[str], None]) -> Iterator[str]:
-    """Freeze the garbage collector, switch threads quickly; a sentence on the priority that urgent threads get.
+    """Freeze the garbage collector and switch threads quickly; yield a sentence on the priority that urgent threads
+    get.
 
     An urgent thread that computes for 2 s without a pause loses its priority, and `stop` is asked for.
     """
     if clock().simulated:
         yield "simulated time"
         return
-    before = sys.getswitchinterval()
+    previous_interval = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
-    sys.setswitchinterval(0.0005)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         with _limited_spells(stop):
             yield _permission()
     finally:
-        sys.setswitchinterval(before)
+        sys.setswitchinterval(previous_interval)
         gc.unfreeze()
 
 
 def _permission() -> str:
-    """Return True if this process may have real-time scheduling: tried out, and given back."""
+    """Return a sentence on whether this process may have real-time scheduling: tried out, and given back."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
         _ordinary(0)
@@ -65,7 +68,7 @@ def _limited_spells(stop: Callable[[str], None]) -> Iterator[None]:
     limits, handler = resource.getrlimit(resource.RLIMIT_RTTIME), signal.signal(signal.SIGXCPU, too_long)
     try:
         with suppress(OSError, ValueError):  # a lower limit of the system stays
-            resource.setrlimit(resource.RLIMIT_RTTIME, (round(1e6 * _SPELL), limits[1]))
+            resource.setrlimit(resource.RLIMIT_RTTIME, (round(_MICROSECONDS * _SPELL), limits[1]))
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_RTTIME, limits)

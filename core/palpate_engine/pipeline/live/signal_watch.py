@@ -10,7 +10,8 @@ from palpate.vectors import Floats
 from palpate_engine.alignment import Port
 from palpate_engine.safety.reading_age import DRIFT, ReadingAge, StampAge
 
-AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains
+AHEAD = 1.0  # [s] of a time-stamp, which no clock and no delay explains: a choice
+_SECOND = 1e9  # [ns]
 
 
 class SignalWatch:
@@ -31,11 +32,11 @@ class SignalWatch:
         return batch.values[:, self.port.column]
 
     def leap(self, batch: Batch) -> float:
-        """By how much [s] a time-stamp is ahead of its arrival, beyond all before it; there is at least one."""
-        ahead = float((batch.time - batch.received).max()) / 1e9
-        before = ahead if self.ahead is None else self.ahead
-        self.ahead = max(ahead, before)
-        return ahead - before
+        """Return by how much [s] a time-stamp is ahead of its arrival, beyond all before it; there is at least one."""
+        ahead = float((batch.time - batch.received).max()) / _SECOND
+        usual = ahead if self.ahead is None else self.ahead
+        self.ahead = max(ahead, usual)
+        return ahead - usual
 
     def late_fault(self, batch: Batch, delay: float, limit: float) -> str | None:
         """Return why readings come too late, by age [s] and by stamp, where a sensor has a delay [s]; None in time."""
@@ -46,27 +47,27 @@ class SignalWatch:
             fault = fault or self.stamp_age.complaint(f"readings of {self.name}", delay, limit)
         return fault
 
-    def silence(self, stream: str, looked: int, news: bool) -> float:
+    def silence(self, stream: str, look: int, has_readings: bool) -> float:
         """Return how long [s] it has been silent for sure, when its process looked at a stream of the device.
 
         A look counts from the next one at the same stream on: what was received before the first is here by then,
         however late the batches are taken.
         """
-        if news and stream == self.port.stream.name:
-            self.heard = looked
+        if has_readings and stream == self.port.stream.name:
+            self.heard = look
             self._looks.clear()
             return 0.0
-        before, self._looks[stream] = self._looks.get(stream), looked
-        self.heard = looked if self.heard is None else self.heard
-        return 0.0 if before is None else (before - self.heard) / 1e9
+        previous_look, self._looks[stream] = self._looks.get(stream), look
+        self.heard = look if self.heard is None else self.heard
+        return 0.0 if previous_look is None else (previous_look - self.heard) / _SECOND
 
     def begin(self) -> None:
-        """Silence is counted from now on."""
+        """Count silence from now on."""
         self.heard = None
         self._looks.clear()
 
     def add_standstill(self, batch: Batch) -> None:
-        """Readings of the standstill; there is at least one."""
+        """Keep readings of the standstill; there is at least one."""
         self._standstill.append(self.of(batch))
         self._standstill_times += [int(batch.received[0]), int(batch.received[-1])]
 
@@ -77,7 +78,7 @@ class SignalWatch:
 
     @property
     def standstill_middle(self) -> int:
-        """When [ns] the standstill was half over, on the clock of the process that receives."""
+        """Time [ns] at which the standstill was half over, on the clock of the process that receives."""
         return (self._standstill_times[0] + self._standstill_times[-1]) // 2
 
 

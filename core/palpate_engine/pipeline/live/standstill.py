@@ -14,7 +14,7 @@ Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: 
 
 @dataclass(frozen=True)
 class Standstill:
-    """What force and velocity are while the tip hangs still in free air."""
+    """Force and velocity while the tip hangs still in free air."""
 
     force: float  # [N] mean
     force_std: float  # [N]
@@ -25,40 +25,44 @@ class Standstill:
         return {"force": self.force, "force_std": self.force_std, "velocity_std": self.velocity_std}
 
 
-def refuse_unsteady(found: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:
+def refuse_unsteady(standstill: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:
     """Raise DeviceError with advice where a standstill moves, or is not what was expected."""
-    if abs(found.force) > limits.standstill_force:
+    if abs(standstill.force) > limits.standstill_force:
         raise DeviceError(
-            f"{force} reads {found.force:.2f} N at standstill, over [safety] standstill_force = "
+            f"{force} reads {standstill.force:.2f} N at standstill, over [safety] standstill_force = "
             f"{limits.standstill_force:g} N: is the tip free, and is nothing pulling at the cable?"
         )
-    if found.force_std > limits.standstill_noise:
+    if standstill.force_std > limits.standstill_noise:
         raise DeviceError(
-            f"{force} has a noise of {found.force_std:.3f} N at standstill, more than [safety] standstill_noise = "
+            f"{force} has a noise of {standstill.force_std:.3f} N at standstill, more than [safety] standstill_noise = "
             f"{limits.standstill_noise:g} N: is the rig at rest? a longer filter of the sensor lowers it"
         )
-    if found.velocity_std is not None and found.velocity_std > limits.standstill_speed:
+    if standstill.velocity_std is not None and standstill.velocity_std > limits.standstill_speed:
         raise DeviceError(
-            f"the velocity has a noise of {1e3 * found.velocity_std:.2f} mm/s at standstill, more than "
+            f"the velocity has a noise of {1e3 * standstill.velocity_std:.2f} mm/s at standstill, more than "
             f"[safety] standstill_speed = {1e3 * limits.standstill_speed:g} mm/s: is the arm at rest?"
         )
     for name, (force_std, velocity_std) in declared.items():
         _refuse_surprise(
-            f"{force} has a noise", found.force_std, "N", name, f"force_std = {force_std:g} N", force_std, limits
+            f"{force} has a noise", standstill.force_std, "N", name, f"force_std = {force_std:g} N", force_std, limits
         )
-        if found.velocity_std is not None:
-            told = f"velocity_std = {1e3 * velocity_std:g} mm/s"
-            _refuse_surprise("the velocity has a noise", found.velocity_std, "mm/s", name, told, velocity_std, limits)
+        if standstill.velocity_std is not None:
+            declaration = f"velocity_std = {1e3 * velocity_std:g} mm/s"
+            _refuse_surprise(
+                "the velocity has a noise", standstill.velocity_std, "mm/s", name, declaration, velocity_std, limits
+            )
 
 
 def _refuse_surprise(
-    what: str, seen: float, unit: str, estimator: str, told: str, expected: float, limits: SafetySettings
+    subject: str, std: float, unit: str, estimator: str, declaration: str, expected: float, limits: SafetySettings
 ) -> None:
-    if seen <= limits.standstill_excess * expected:
+    """Raise DeviceError where a standard deviation [SI] at standstill is larger than an estimator expects, times an
+    excess."""
+    if std <= limits.standstill_excess * expected:
         return
-    shown = 1e3 * seen if unit == "mm/s" else seen
+    shown = 1e3 * std if unit == "mm/s" else std
     raise DeviceError(
-        f"{what} of {shown:.3g} {unit} at standstill, {seen / expected:.1f} times what the filter declares ([estimator."
-        f'{estimator}] {told}; [safety] standstill_excess = {limits.standstill_excess:g}): set noise = "measure", so '
-        "that the filter takes what is measured at standstill, or look for what disturbs the rig"
+        f"{subject} of {shown:.3g} {unit} at standstill, {std / expected:.1f} times what the filter declares "
+        f"([estimator.{estimator}] {declaration}; [safety] standstill_excess = {limits.standstill_excess:g}): set "
+        'noise = "measure", so that the filter takes what is measured at standstill, or look for what disturbs the rig'
     )

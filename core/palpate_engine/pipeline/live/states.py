@@ -18,13 +18,14 @@ from palpate_engine.pipeline.live.standstill import Noise, Standstill
 from palpate_engine.pipeline.live.stored_offset import Offset, stored_offset
 from palpate_engine.safety import SafetySettings
 
-_TIP = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule
-_BRAKES = 1.2  # [s] from a stop to a standstill, and until it is reported
-_PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin
+_MAX_TIP_MASS = 0.2  # [kg] behind a sensor, where it is not stated: at most so much, as a rule; a choice
+_BRAKES = 1.2  # [s] from a stop to a standstill, which takes 1 s at most (0455), and until it is reported
+_PATIENCE = 8.0  # [s] for a retraction, or for a device that is slow to begin: a choice
+_LOOK = 0.02  # [s] between looks at what has come: a choice
 
 
 def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
-    """What force and velocity are at standstill; None where the run was stopped. Raises DeviceError like the guard.
+    """Return force and velocity at standstill; None where the run was stopped. Raises DeviceError like the guard.
 
     The standstill is over when the samples, and not only the host's clock, say so: it is the same stretch of the record
     in a replay, which has no host's clock.
@@ -35,7 +36,7 @@ def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
         not (guard.has_stood_still and live.has_sampled_standstill)
         and clock().now() - began < live.standstill + _PATIENCE
     ):
-        for arrivals in live.links.until(max(began + live.standstill, clock().now() + 0.02)):
+        for arrivals in live.links.until(max(began + live.standstill, clock().now() + _LOOK)):
             live.pass_on(arrivals)
         if live.is_stopped:
             return None
@@ -51,7 +52,7 @@ def compensable_offset(live: LiveRun) -> Offset | None:
 
 
 def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> RetreatCheck | None:
-    """Send the arms their limits, check the way to the start, and let the guard watch; what a retreat shows.
+    """Send the arms their limits, check the way to the start, and start the guard; return what a retreat measured.
 
     Raises DeviceError where the tip is not free or a stream gives no samples, ConfigurationError without a motion.
     """
@@ -65,8 +66,10 @@ def get_ready(live: LiveRun, standstill: Standstill, offset: Offset | None) -> R
     if trajectory is None or limits is None or not live.arms:
         guard.begin(live.arms)
         return None
-    known = offset.value if offset is not None and offset.doubt is None else None
-    refuse_preload(standstill.force, limits, guard.force, known)
+    # A load on the sensor at standstill would be hidden by the tare.
+    known_offset = offset.value if offset is not None and offset.doubt is None else None
+    refuse_preload(standstill.force, limits, guard.force, known_offset)
+    # The guard compares the force with what acceleration, a law, the stiffest material and drift explain.
     alignment = live.rig.alignment
     inertia = _inertia(alignment.tip_mass, trajectory, limits)
     guard.expect_force(ExpectedForce(inertia, _set_force(trajectory), limits.stiffness, alignment.drift))
@@ -82,9 +85,9 @@ def _set_force(trajectory: Trajectory) -> float:
 
 
 def _inertia(tip_mass: float | None, trajectory: Trajectory, limits: SafetySettings) -> float:
-    """What acceleration adds to the force [N] at most, and the weight of a tool that turns over a surface."""
+    """Return what acceleration adds to the force [N] at most, and the weight of a tool that turns over a surface."""
     turning = 0.0 if surface_of(trajectory) is None else GRAVITY
-    return (_TIP if tip_mass is None else tip_mass) * (limits.acceleration + turning)
+    return (_MAX_TIP_MASS if tip_mass is None else tip_mass) * (limits.acceleration + turning)
 
 
 def move(live: LiveRun, retreat: RetreatCheck | None) -> None:

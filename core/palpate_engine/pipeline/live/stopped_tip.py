@@ -12,7 +12,7 @@ from palpate_engine.safety import SafetySettings
 from palpate_engine.safety.emergency import EMERGENCY
 from palpate_engine.safety.rest_window import RestWindow
 
-_MORE = 1e-3  # [m] that a tip may go on beyond what reaction and braking take
+_TOLERANCE = 1e-3  # [m] that a tip may go on beyond what reaction and braking take (0321)
 _ADVICE = " Nothing moves it any more: keep the emergency stop within reach, find the cause at the pendant, and"
 _LIFT = " lift the tip in freedrive"
 
@@ -26,11 +26,11 @@ class StoppedTip:
         self._window: RestWindow | None = None  # since the stop
 
     def stop(self) -> None:
-        """The arm is to stop now."""
+        """Take note that the arm is to stop now."""
         self._at_stop, self._window = self.height, RestWindow()
 
     def note(self, times: NDArray[np.int64], heights: Floats) -> None:
-        """Times (n,) [ns] and heights (n,) [m] of states."""
+        """Take times (n,) [ns] and heights (n,) [m] of states."""
         self.height = float(heights[-1])
         if self._window is not None:
             for time, height in zip(times.tolist(), heights.tolist(), strict=True):
@@ -47,36 +47,36 @@ class StoppedTip:
         return self._window.speed if self._window is not None and self._window.is_full else None
 
     def rest_sentence(self, felt: float, stands: bool, speed: float | None) -> str:
-        """Where the tip stands and what it feels [N]; of one that does not the call for the emergency stop.
+        """Return where the tip stands and what it feels [N]; of one that does not the call for the emergency stop.
 
         `speed` [m/s] of a tip that moves; None where no states show it.
         """
         is_known = math.isfinite(self.height)
-        at = f"at a height of {1e3 * self.height:.1f} mm"
+        place = f"at a height of {1e3 * self.height:.1f} mm"
         if stands:
-            return f" The tip stands {at} and feels {felt:.1f} N." if is_known else ""
+            return f" The tip stands {place} and feels {felt:.1f} N." if is_known else ""
         if speed is None:
-            where = f"; at last it was {at} and felt {felt:.1f} N" if is_known else ""
+            where = f"; at last it was {place} and felt {felt:.1f} N" if is_known else ""
             return f" {EMERGENCY}: no states show that the tip stands{where}."
-        where = f", is {at}" if is_known else ""
+        where = f", is {place}" if is_known else ""
         return f" {EMERGENCY}: the tip moves at {1e3 * speed:.1f} mm/s{where} and feels {felt:.1f} N."
 
     def pressed_in(self, felt: float) -> str:
-        """What is said of a tip that stands where its way out was stopped, with the force [N] that it feels."""
+        """Return the sentence on a tip that stands where its way out was stopped, with the force [N] that it feels."""
         return (
             f"; a later Ctrl-C stopped the way out: the tip stands at a height of {1e3 * self.height:.1f} mm, pressed "
             f"in at {felt:.1f} N: lift it in freedrive"
         )
 
-    def stranded(self, text: str, stands: bool, rest: str) -> str:
-        """What is added to the reason of a stop after which the arm did not leave, by a second fault; `rest` of it."""
+    def stranded(self, fault: str, stands: bool, standstill: str) -> str:
+        """Return the second fault of an arm that did not leave after a stop, with its `standstill` and advice."""
         advice = _ADVICE + _LIFT if stands else " Then" + _LIFT
-        return f"; the arm was to leave, and that has failed: {text.rstrip('.')}.{rest}{advice}"
+        return f"; the arm was to leave, and that has failed: {fault.rstrip('.')}.{standstill}{advice}"
 
     def disobedience(self, limits: SafetySettings) -> str | None:
         """Return the sentence to add where the tip goes deeper than v t + v^2/(2 a) after a stop; None while it
         obeys."""
-        allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _MORE
+        allowed = limits.speed * limits.latency + limits.speed**2 / (2.0 * limits.deceleration) + _TOLERANCE
         deeper = self._at_stop - self.height
         if not (math.isfinite(deeper) and deeper > allowed):
             return None
