@@ -11,15 +11,18 @@ from typing import IO, Any
 
 from palpate.errors import OutputError
 
+_MODE = 0o666  # read and write for everybody, less the umask: as any new file
+_MAX_NAME = 200  # characters of a temporary file's name, of 255 bytes that file systems allow
+
 
 @contextmanager
 def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
-    """A file to write that takes its name when the context ends well: until then an older one stays as it was.
+    """Yield a file to write that takes its name when the context ends well: until then an older one stays as it was.
 
     What is not an ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
     """
     direct = path.exists() and not path.is_file()
-    partial = path if direct else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
+    partial = path if direct else path.with_name(f".{path.name[:_MAX_NAME]}.{os.getpid()}.part")
     options: dict[str, Any] = {} if binary else {"newline": "", "encoding": "utf-8"}
     try:
         with open(partial, "wb" if binary else "w", opener=None if direct else _no_link, **options) as file:
@@ -53,17 +56,18 @@ def write_new(path: Path, text: str) -> None:
 
 
 def _no_link(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NOFOLLOW, 0o666)
+    """Open a file, and no link in its place: an `opener` of `open`."""
+    return os.open(path, flags | os.O_NOFOLLOW, _MODE)
 
 
 @contextmanager
 def file_in_place(path: Path) -> Iterator[IO[bytes]]:
-    """A file to read and change where it stands, created if missing; raises OutputError.
+    """Yield a file to read and change where it stands, created if missing; raises OutputError.
 
     A link is refused: it may lead out of the folder, to a file of the user that nobody has named.
     """
     try:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, _MODE)
         with os.fdopen(handle, "r+b") as file:
             yield file
     except OSError as error:

@@ -24,6 +24,8 @@ _PLAIN = {"µ": "u", "μ": "u", "±": "+-", "°": "deg", "Ω": "Ohm", "·": "*",
 
 
 def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Return the replacement of a character that an encoding lacks, and the place behind it; see
+    `codecs.register_error`."""
     if isinstance(error, UnicodeEncodeError) and error.object[error.start] in _PLAIN:
         return _PLAIN[error.object[error.start]], error.start + 1
     return codecs.backslashreplace_errors(error)
@@ -38,7 +40,7 @@ def _harmless(text: str) -> str:
     >>> _harmless("a\x1b]0;b")
     'a\\x1b]0;b'
     """
-    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 class _Harmless:
@@ -58,17 +60,18 @@ class _Harmless:
             return 0
         parts = _OWN.split(text) if self._stream.isatty() else [text]
         safe = "".join(part if i % 2 else _harmless(part) for i, part in enumerate(parts))
-        with self._told():
+        with self._reported_failure():
             self._stream.write(safe)
         return len(text)
 
     def flush(self) -> None:
         """Raises OutputError where it cannot be written."""
-        with self._told():
+        with self._reported_failure():
             self._stream.flush()
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _reported_failure(self) -> Iterator[None]:
+        """Within the context a failure to write becomes OutputError, which is raised again at every later attempt."""
         if self._failure is not None:
             raise self._failure
         try:

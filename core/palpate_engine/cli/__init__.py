@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -9,7 +10,7 @@ from palpate_engine.cli.import_interrupts import deferred_interrupts
 
 
 def main(arguments: Sequence[str] | None = None, approved: Sequence[str] | None = None) -> None:
-    """The ``palpate`` command; where a program calls it on its own, with the SHA-256 that it has `approved`.
+    """Run the ``palpate`` command; where a program calls it on its own, with the SHA-256 that it has `approved`.
 
     Exit code 0, 2 for what the user can mend, 1 for what they cannot, 3 where an arm was stopped and no states show
     that it stands, 128 and the signal's number for what stopped it: 130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None, approved: Sequence[str] | None 
             run_command_line(sys.argv[1:] if arguments is None else arguments, approved)
     except KeyboardInterrupt:  # while something is set up, or taken down
         print("palpate: stopped", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(128 + signal.SIGINT)
 
 
 def call(arguments: Sequence[str], ends: bool = False) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import signal
 import sys
 import traceback
 import warnings
@@ -67,10 +68,10 @@ def _main(arguments: Sequence[str]) -> None:
 
 
 def _report(error: BaseException) -> int:
-    """Print an error that is being handled; its exit code."""
+    """Print an error that is being handled; return its exit code."""
     if isinstance(error, KeyboardInterrupt) or _CTRL_C.search(f"{type(error).__name__}: {error}"):
         print("palpate: stopped", file=sys.stderr)
-        return 130
+        return 128 + signal.SIGINT
     if (plugin := _culprit(error)) is not None:
         error = PluginError(f"plugin {plugin} failed: {error_in(error)}")
     if isinstance(error, PalpateError):

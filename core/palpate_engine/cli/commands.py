@@ -1,4 +1,4 @@
-"""Which command is meant, and what there is; nothing of a command is imported for that."""
+"""Choice of the command that is meant; nothing of a command is imported for that."""
 
 from __future__ import annotations
 
@@ -28,11 +28,13 @@ _FIRST = (  # what somebody has, and the first command for it
 _USAGE = "usage: palpate [--plugin FILE.py]... [--no-plugins] COMMAND [ARGUMENT]..."
 _OTHER = "analyse"  # the task of a plugin's command that names none of ours
 _HELP = ("-h", "--help")
+_NEARLY = 0.75  # ratio of equal letters (difflib), from which a word is a slip: a choice
+_INDENT, _MAX_WIDTH, _MIN_TEXT = 14, 110, 20  # columns of the help's tables: a choice
 
 
 @dataclass(frozen=True)
 class Invocation:
-    """What the command line asks for."""
+    """Request of a command line."""
 
     wants: Literal["start", "help", "version", "command"]
     words: tuple[str, ...] = ()  # the command and its arguments
@@ -51,23 +53,23 @@ class CommandCall:
 
 
 def parse_arguments(arguments: Sequence[str]) -> Invocation:
-    """What the arguments ask for; raises ConfigurationError for an unknown option."""
+    """Return what the arguments ask for; raises ConfigurationError for an unknown option."""
     if not arguments:
         return Invocation("start")
-    rest, files, forbids = *_without_plugin_files(arguments), False
-    while rest and rest[0].startswith("-"):
-        word = rest.pop(0)
-        if word in _HELP:
+    remaining, files, forbids = *_without_plugin_files(arguments), False
+    while remaining and remaining[0].startswith("-"):
+        option = remaining.pop(0)
+        if option in _HELP:
             return Invocation("help", files=tuple(files))
-        if word == "--version":
+        if option == "--version":
             return Invocation("version")
-        if word == "--no-plugins":
+        if option == "--no-plugins":
             forbids = True
             continue
-        raise ConfigurationError(f"{word}: is not an option before a command; {_USAGE}")
-    if not rest:
+        raise ConfigurationError(f"{option}: is not an option before a command; {_USAGE}")
+    if not remaining:
         return Invocation("help", files=tuple(files))
-    return Invocation("command", tuple(rest), tuple(files), forbids)
+    return Invocation("command", tuple(remaining), tuple(files), forbids)
 
 
 def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Path]]:
@@ -76,43 +78,45 @@ def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Pat
     The file's name must end in .py behind a command, where ``palpate init --plugin tip`` means something else.
     Raises ConfigurationError where it may be a file that a pattern of the shell, such as ``*``, has found.
     """
-    rest, files = list[str](), list[Path]()
-    words = list(arguments)
-    while words:
-        given = words.pop(0)
-        word, _, value = given.partition("=")
-        follows = word == "--plugin" and not value and bool(words)
-        text = words[0] if follows else value
-        if word == "--plugin" and (text.endswith(".py") or (text and not rest)):
-            if Path(given).exists():
-                raise ConfigurationError(f"{given}: there is a file of this name here: write ./{given} to name it")
+    remaining, files = list[str](), list[Path]()
+    pending = list(arguments)
+    while pending:
+        argument = pending.pop(0)
+        option, _, value = argument.partition("=")
+        follows = option == "--plugin" and not value and bool(pending)
+        text = pending[0] if follows else value
+        if option == "--plugin" and (text.endswith(".py") or (text and not remaining)):
+            if Path(argument).exists():
+                raise ConfigurationError(
+                    f"{argument}: there is a file of this name here: write ./{argument} to name it"
+                )
             files.append(Path(text))
-            del words[:follows]
+            del pending[:follows]
         else:
-            rest.append(given)
-    return rest, files
+            remaining.append(argument)
+    return remaining, files
 
 
 def call_of(invocation: Invocation) -> CommandCall:
     """Return the command that is meant, a subcommand before a command; raises PluginError where no plugin has it."""
     registry = command_offers()
-    first, *rest = invocation.words
-    below = registry.subcommands(first)
-    if rest and (sentence := registry.ambiguous.get(("command", f"{first} {rest[0]}"))):
+    first, *arguments = invocation.words
+    subcommands = registry.subcommands(first)
+    if arguments and (sentence := registry.ambiguous.get(("command", f"{first} {arguments[0]}"))):
         raise PluginError(sentence)
-    if rest and rest[0] in below:
-        return CommandCall(f"{first} {rest[0]}", below[rest[0]], tuple(rest[1:]), {})
-    if below and rest and rest[0] not in _HELP:
-        _demand_no_slip(first, rest[0], below, alone=first not in registry.commands)
-    if below and first not in registry.commands:
-        return CommandCall(first, None, tuple(rest), below)
-    return CommandCall(first, registry.command(first), tuple(rest), below)
+    if arguments and arguments[0] in subcommands:
+        return CommandCall(f"{first} {arguments[0]}", subcommands[arguments[0]], tuple(arguments[1:]), {})
+    if subcommands and arguments and arguments[0] not in _HELP:
+        _demand_no_slip(first, arguments[0], subcommands, alone=first not in registry.commands)
+    if subcommands and first not in registry.commands:
+        return CommandCall(first, None, tuple(arguments), subcommands)
+    return CommandCall(first, registry.command(first), tuple(arguments), subcommands)
 
 
-def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: bool) -> None:
+def _demand_no_slip(first: str, name: str, subcommands: Mapping[str, Command], alone: bool) -> None:
     """Raise PluginError where a word is not a subcommand, and can be nothing else or nearly is one."""
-    if alone or (get_close_matches(word, below, cutoff=0.75) and not Path(word).exists()):
-        raise PluginError(f"no command '{first} {word}'{suggest(word, below)}")
+    if alone or (get_close_matches(name, subcommands, cutoff=_NEARLY) and not Path(name).exists()):
+        raise PluginError(f"no command '{first} {name}'{suggest(name, subcommands)}")
 
 
 def command_offers() -> Registry:
@@ -123,14 +127,14 @@ def command_offers() -> Registry:
 
 
 def version_text() -> str:
-    """``palpate 0.1.0``."""
+    """Return ``palpate 0.1.0``."""
     import importlib.metadata
 
     return f"palpate {importlib.metadata.version('palpate')}"
 
 
 def start_text() -> str:
-    """What to type first, by what somebody has; only commands that are installed."""
+    """Return what to type first, by what somebody has; only commands that are installed."""
     offers = command_offers().commands
     missing = {"fit", "info", "init"} - {name.partition(" ")[0] for name in offers}
     lines = [f"{task:<19} {command}" for task, command in _FIRST if command.split()[1] not in missing]
@@ -139,7 +143,7 @@ def start_text() -> str:
 
 
 def help_text() -> str:
-    """Usage, and every command with its line, by task; of subcommands the words."""
+    """Return the usage, and every command with its line, by task; of subcommands the words."""
     registry = command_offers()
     lines = [
         _USAGE,
@@ -165,14 +169,14 @@ def help_text() -> str:
 
 
 def group_text(call: CommandCall) -> str:
-    """Usage and lines of subcommands whose first word has no command of its own."""
+    """Return usage and lines of subcommands whose first word has no command of its own."""
     rows = {name: command.help for name, command in call.subcommands.items()}
     lines = [f"usage: palpate {call.name} COMMAND [ARGUMENT]...", "", *_table(rows), ""]
     return "\n".join([*lines, f"palpate {call.name} COMMAND --help says more."])
 
 
 def epilog(call: CommandCall) -> str | None:
-    """What the help of a command says of its subcommands, as Markdown."""
+    """Return what the help of a command says of its subcommands, as Markdown."""
     rows = [f"- `palpate {call.name} {name}`: {command.help}" for name, command in call.subcommands.items()]
     lines = ["Subcommands:", *rows] if rows else []
     if call.command is not None and call.command.first_options:
@@ -204,10 +208,11 @@ def _line(name: str, registry: Registry) -> str:
 
 
 def _table(rows: Mapping[str, str]) -> list[str]:
-    indent = 14
-    width = max(min(shutil.get_terminal_size().columns, 110), indent + 20)
+    """Return the lines of a table of names and texts, as wide as the terminal."""
+    width = max(min(shutil.get_terminal_size().columns, _MAX_WIDTH), _INDENT + _MIN_TEXT)
+    name_width = _INDENT - len("   ")  # two spaces before a name, one behind it
     lines: list[str] = []
     for name, text in rows.items():
-        head = f"  {name:<{indent - 3}} "
-        lines += textwrap.wrap(text, width, initial_indent=head, subsequent_indent=" " * indent)
+        head = f"  {name:<{name_width}} "
+        lines += textwrap.wrap(text, width, initial_indent=head, subsequent_indent=" " * _INDENT)
     return lines

@@ -17,15 +17,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_LOOK = 0.01  # [s] between two looks whether the import has ended
-_LONGEST = 5.0  # [s] of an import: a longer one gets the exception, and again where it swallows that
+_LOOK = 0.01  # [s] between two looks whether the import has ended: a choice
+_LONGEST = 5.0  # [s] of an import (0531): a longer one gets the exception, and again where it swallows that
 _IMPORT = "<frozen importlib._bootstrap>"  # file of the frames of an import
 _SWALLOWING = tuple(f"{os.sep}{library}{os.sep}" for library in ("pydantic", "casadi"))  # in the files of their frames
 
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """Within the context Ctrl-C raises KeyboardInterrupt at once, and during an import after it.
+    """Let Ctrl-C raise KeyboardInterrupt at once within the context, and during an import after it.
 
     Where it is ignored or has another handler, and outside the main thread, nothing changes.
     """

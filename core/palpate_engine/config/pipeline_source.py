@@ -20,7 +20,7 @@ _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
 _PLUGINS = ("run", "plugins")
-_MAX_NESTING = 32  # tables and lists in each other; a pipeline has six, the interpreter's stack hundreds: a choice
+_MAX_NESTING = 32  # tables and lists in each other, far from the interpreter's limit of recursion: a choice
 
 
 class Source:
