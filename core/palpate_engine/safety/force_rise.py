@@ -7,6 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from palpate.sound_force import LONGEST, POSE, SoundForce
@@ -26,7 +27,7 @@ _MIN_READINGS = 4  # of half a window, for a mean: a choice
 _MIN_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it; a choice
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings (0326)
 _MIN_ELAPSED = 1e-9  # [s] guards against a division by 0
-_COMMANDED = 4  # column of a row
+_COMMANDED: Final = 4  # column of a row
 
 
 class RiseWatch:
