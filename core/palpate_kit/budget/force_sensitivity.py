@@ -15,16 +15,16 @@ from palpate_engine import acceleration, force_slopes
 
 from palpate_kit.budget.influence import influence
 
-_STEP = 1e-4  # of a number, for derivatives by differences
-_SURFACE_STEP = 1e-6  # [m]
-_MOST = 6000  # samples of a model that remembers
+_STEP = 1e-4  # of a number, for derivatives by differences: a choice between curvature and rounding
+_SURFACE_STEP = 1e-6  # [m] likewise, of the surface
+_MAX_SAMPLES = 6000  # of a model that remembers, the latest: a choice, for speed
 
 
 _latest: WeakKeyDictionary[Tail, tuple[ContactModel, Floats, frozenset[str], Along | None]] = WeakKeyDictionary()
 
 
 class ForceSensitivity(Protocol):
-    """How the values that are found in a record answer to what its force is made of, (n,) each."""
+    """Answer of the values of a record to what its force is made of, (n,) each."""
 
     @property
     def force(self) -> Floats:
@@ -37,11 +37,12 @@ class ForceSensitivity(Protocol):
         ...
 
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
-        """Derivative of the force by a number among the model's keys; over a `wide` step upwards, if given."""
+        """Return the derivative of the force by a number among the model's keys; over a `wide` step upwards, if
+        given."""
         ...
 
     def shifts(self, error: Floats) -> Floats | None:
-        """Shift (k,) of the values by an error (n,) of the force [N]; None where they are indistinct."""
+        """Return the shift (k,) of the values by an error (n,) of the force [N]; None where they are indistinct."""
         ...
 
 
@@ -77,7 +78,8 @@ class Along:
         return self._motion[2][self._motion[3]]
 
     def answer(self, error: Floats) -> Floats | None:
-        """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where indistinct."""
+        """Return the shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where
+        indistinct."""
         return None if self._influence is None else self._influence(error)
 
     @cached_property
@@ -98,17 +100,19 @@ class Along:
     def free(self) -> NDArray[np.bool_]:
         """(c,) columns that are not held fixed: of k parameters, of the surface, and any that stand behind them."""
         free = np.ones(self.jacobian.shape[1], bool)
-        own = free_columns(self.model, self.held)
-        free[: len(own)] = own
+        parameters_and_surface = free_columns(self.model, self.held)
+        free[: len(parameters_and_surface)] = parameters_and_surface
         return free
 
     def shifts(self, error: Floats) -> Floats | None:
-        """Shift (k,) of the parameters by an error (n,) of the force [N]; None where indistinct from the surface."""
-        found = self.answer(error)
-        return None if found is None else found[:-1]
+        """Return the shift (k,) of the parameters by an error (n,) of the force [N]; None where indistinct from the
+        surface."""
+        shift = self.answer(error)
+        return None if shift is None else shift[:-1]
 
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
-        """Derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if given."""
+        """Return the derivative (n,) of the force by a number among the model's keys; over a `wide` step upwards, if
+        given."""
         if wide:
             return np.asarray((self._force(with_change(self.model, path, wide)) - self._force(self.model)) / wide)
         step = number_step(value)
@@ -116,14 +120,15 @@ class Along:
         return np.asarray((up - down) / (2 * step))
 
     def by_height_scale(self) -> Floats:
-        """Change (n,) of the force [N] per unit of the scale of heights, with which depth and rate grow."""
+        """Return the change (n,) of the force [N] per unit of the scale of heights, with which depth and rate grow."""
         if self.stretched is not None:
             return self.stretched
         up, down = (self._force(self.model, 1.0 + side * _STEP) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * _STEP))
 
     def by_beam(self, stiffness: float) -> Floats:
-        """Derivative (n,) [m] of the force by the stiffness [N/m] of a beam that the depth is less by F/k for."""
+        """Return the derivative (n,) [m] of the force by the stiffness [N/m] of a beam that the depth is less by F/k
+        for."""
         if self.given_way is not None:
             return self.given_way / stiffness**2
         time, depth, rate, _ = self._motion
@@ -159,10 +164,10 @@ def along(
     What is `held` fixed, by name, has no shift. The memory of a model comes from the whole `tail`. Half of the
     diagnoses of a track ask for it: the latest is kept.
     """
-    known = _latest.get(last)
-    if known is None or known[0] is not model or known[2] != held or not np.array_equal(known[1], values):
-        known = _latest[last] = model, values, held, alternative_along(model, tail, last, values, held)
-    return known[3]
+    cached = _latest.get(last)
+    if cached is None or cached[0] is not model or cached[2] != held or not np.array_equal(cached[1], values):
+        cached = _latest[last] = model, values, held, alternative_along(model, tail, last, values, held)
+    return cached[3]
 
 
 def alternative_along(
@@ -176,8 +181,8 @@ def alternative_along(
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:
-    depth, second = float(last.surface.mean()) - last.position, acceleration(last.time, last.velocity)
-    return at_samples(model, (last.time, depth, -last.velocity, second), values)
+    depth, tip_acceleration = float(last.surface.mean()) - last.position, acceleration(last.time, last.velocity)
+    return at_samples(model, (last.time, depth, -last.velocity, tip_acceleration), values)
 
 
 def at_samples(
@@ -204,6 +209,7 @@ def at_samples(
         whole[inside] = column
         return np.asarray(whole[rows])
 
+    # dF/dt = dF/dd d' + dF/dd' d'', and the rate of the depth falls as the tip accelerates upwards: d'' = -z''.
     force, by_parameter, by_depth, by_rate = force_slopes(model, depth[inside], rate[inside], values.tolist())
     change = by_depth * rate[inside] - by_rate * second[inside]
     return Along(
@@ -222,15 +228,19 @@ def at_samples(
 
 
 def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
-    """By differences, the states of the model carried along, without samples at the ends that have no motion."""
-    known = np.flatnonzero(np.isfinite(tail.position[-_MOST:]) & np.isfinite(tail.velocity[-_MOST:]))
-    if not len(known):
+    """Return the sensitivity of a model with memory, by differences, its states carried along.
+
+    Samples at the ends that have no motion are left out; None where fewer than two of the last have one, or the states
+    change too fast for the samples.
+    """
+    known_rows = np.flatnonzero(np.isfinite(tail.position[-_MAX_SAMPLES:]) & np.isfinite(tail.velocity[-_MAX_SAMPLES:]))
+    if not len(known_rows):
         return None
-    whole_rows = slice(known[0], known[-1] + 1)
-    time, rate = tail.time[-_MOST:][whole_rows], -tail.velocity[-_MOST:][whole_rows]
-    depth = float(last.surface.mean()) - tail.position[-_MOST:][whole_rows]
-    second = acceleration(time, -rate)
-    rows = (time >= last.time[0]) & np.isfinite(second)
+    whole_rows = slice(known_rows[0], known_rows[-1] + 1)
+    time, rate = tail.time[-_MAX_SAMPLES:][whole_rows], -tail.velocity[-_MAX_SAMPLES:][whole_rows]
+    depth = float(last.surface.mean()) - tail.position[-_MAX_SAMPLES:][whole_rows]
+    tip_acceleration = acceleration(time, -rate)
+    rows = (time >= last.time[0]) & np.isfinite(tip_acceleration)
     if rows.sum() < 2 or not (np.isfinite(depth).all() and np.isfinite(rate).all()):
         return None
 
@@ -239,6 +249,7 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
 
     columns = []
     try:
+        # Central differences by each parameter, then by the surface.
         for i, value in enumerate(values):
             step = np.zeros_like(values)
             step[i] = _STEP * (abs(value) or 1.0)
@@ -249,17 +260,26 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
         return None
     jacobian, change = np.column_stack(columns)[rows], np.gradient(whole, time)[rows]
     return Along(
-        model, values, jacobian, whole[rows], change, second[rows], None, None, None, (time, depth, rate, rows)
+        model,
+        values,
+        jacobian,
+        whole[rows],
+        change,
+        tip_acceleration[rows],
+        None,
+        None,
+        None,
+        (time, depth, rate, rows),
     )
 
 
 def number_step(value: float) -> float:
-    """By how much a number is changed for a derivative by differences."""
+    """Return the step of a number for a derivative by differences."""
     return _STEP * (abs(value) or 1.0)
 
 
 def with_change(part: Any, path: tuple[str, ...], change: float) -> Any:
-    """Settings with a number among their keys changed by so much; not validated, for derivatives."""
+    """Return settings with a number among their keys changed by so much; not validated, for derivatives."""
     name, *rest = path
     inner = getattr(part, name)
     changed = with_change(inner, tuple(rest), change) if rest else inner + change

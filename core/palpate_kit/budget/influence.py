@@ -1,4 +1,4 @@
-"""How a least-squares estimate answers to a small error of the force."""
+"""Influence of a small error of the force on a least-squares estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is declared of a record, or has a default, and what it does to each value: terms of a budget after the GUM."""
+"""Terms of a budget after the GUM: what is declared of a record, or has a default, and its effect on each value."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_kit.budget.force_sensitivity import Along, ForceSensitivity
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 
-_WAVES = 4  # over the depth, of what a formula is off
-_OF_MOST = 2.0  # standard uncertainties in the most that it is off
-_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
+_WAVES = 4  # over the depth, of what a formula is off: a choice
+_COVERAGE = 2.0  # standard uncertainties in the most that it is off: a choice, 95 %
+_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared: a choice
+_FORCE_POWER = (
+    2.5  # of the cosine of an inclination t: a sphere feels (d cos t)^1.5 along the normal, and of that cos t
+)
 
 
 def systematic_terms(
-    found: Along | None,
+    sensitivity: Along | None,
     shifts: Floats,
     timing: float | None,
     settings: AlignmentSettings,
@@ -26,60 +29,63 @@ def systematic_terms(
     sources: Sequence[UncertaintySource] = (),
     included: Container[str] = (),
 ) -> list[Term]:
-    """The terms of everything that is declared, or has a default; what an estimator has `included` is left out, and
-    without a `report` of the alignment what only that states: tare, and directions of a tool that turns.
+    """Return the terms of everything that is declared, or has a default.
+
+    What an estimator has `included` is left out, and without a `report` of the alignment what only that states: tare,
+    and directions of a tool that turns.
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
     samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
-    the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale:
-    f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less
-    than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts. A beam,
-    what it yields by F/k being taken off the depth: f = (dF/dd F + dF/dd' F') u/k^2.
+    the model: f = -dF/dp u, of an inclination t, which has no derivative at 0, f = F(t) - F(t + u); position_scale: f =
+    -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way by F/k, so that the depth is F/k less than it
+    seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of the shift counts. A beam, what it yields by F/k
+    being taken off the depth: f = (dF/dd F + dF/dd' F') u/k^2.
     """
     terms = []
     if timing is not None and shifts.any() and "timing" not in included:
         terms.append(Term("timing", timing, "s", shifts * timing))
-    if found is None:
+    if sensitivity is None:
         return terms
-    terms += [term for term in _of_readings(found, settings, report) if term.cause not in included]
-    return [*terms, *source_terms(found, [source for source in sources if source.name not in included])]
+    terms += [term for term in _of_readings(sensitivity, settings, report) if term.cause not in included]
+    return [*terms, *source_terms(sensitivity, [source for source in sources if source.name not in included])]
 
 
-def source_terms(found: ForceSensitivity, sources: Sequence[UncertaintySource]) -> Iterator[Term]:
+def source_terms(sensitivity: ForceSensitivity, sources: Sequence[UncertaintySource]) -> Iterator[Term]:
     """Yield the terms of the model's numbers and of the scales of force and height."""
     for source in sources:
-        change = _change(found, source)
+        change = _change(sensitivity, source)
         if change is not None:
-            yield from _term(found, source.name, source.std, source.unit, change * source.std, source.declared)
+            yield from _term(sensitivity, source.name, source.std, source.unit, change * source.std, source.declared)
 
 
-def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
+def _of_readings(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
+    """Return the terms of mass, directions, curvature, formula, tare, compliance and beam; see `systematic_terms`."""
     terms: list[Term] = []
     turned = report.turned if report is not None else None
     if settings.tip_mass is not None:
         mass, declared = settings.tip_mass_uncertainty, settings.tip_mass_uncertainty is not None
         std = mass if mass is not None else _MASS * settings.tip_mass
         weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
-        terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
+        terms += _term(sensitivity, "mass", std, "kg", std * (weight - sensitivity.acceleration), declared)
     if report is not None:
-        terms += _of_directions(found, settings, report)
-        terms += _of_curvature(found, settings, report)
-    terms += _of_law(found)
+        terms += _of_directions(sensitivity, settings, report)
+        terms += _of_curvature(sensitivity, settings, report)
+    terms += _of_law(sensitivity)
     tare = report.tare.offset_std if report is not None and report.tare else None
     if tare is not None:
-        terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
-    if settings.series_stiffness is not None and found.given_way is not None:
+        terms += _term(sensitivity, "tare", float(tare), "N", np.full(len(sensitivity.force), tare))
+    if settings.series_stiffness is not None and sensitivity.given_way is not None:
         stiffness = settings.series_stiffness
-        terms += _term(found, "compliance", 1.0 / stiffness, "m/N", -found.given_way / stiffness)
+        terms += _term(sensitivity, "compliance", 1.0 / stiffness, "m/N", -sensitivity.given_way / stiffness)
     if settings.beam is not None and settings.beam_uncertainty is not None:
         std = settings.beam_uncertainty
-        terms += _term(found, "beam", std, "N/m", found.by_beam(settings.beam) * std)
+        terms += _term(sensitivity, "beam", std, "N/m", sensitivity.by_beam(settings.beam) * std)
     return terms
 
 
 def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) -> float:
-    """Error of the force per error of the mass [N/kg] by the weight, where that is subtracted.
+    """Return the error of the force per error of the mass [N/kg] by the weight, where that is subtracted.
 
     Of a tool that turns: by its `weight` [N] along the normal, or by how much more `along` it there is than in the air
     that gave the tare.
@@ -91,7 +97,7 @@ def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) ->
     return -(along if settings.tare == "free-air" else weight) / settings.tip_mass
 
 
-def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+def _of_directions(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
     """Yield the terms of the sensor's mounting and of the skin's normal, each known to an angle u.
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
@@ -101,12 +107,14 @@ def _of_directions(found: Along, settings: AlignmentSettings, report: AlignmentR
     share = report.sideways.size if report.sideways is not None else 0.0
     turn, slope = (0.0, 0.0) if report.turned is None else (report.turned.turn, report.turned.slope)
     for name, (angle, declared) in settings.orientation_uncertainties.items():
-        tilted = (1.0 - math.cos(angle) ** 2.5) * found.force
-        own = angle * turn if name == "mounting" else tilted + angle * slope * found.by_height_scale()
-        yield from _term(found, name, angle, "rad", angle * share * found.force + own, declared)
+        tilt_error = (1.0 - math.cos(angle) ** _FORCE_POWER) * sensitivity.force
+        turning_error = (
+            angle * turn if name == "mounting" else tilt_error + angle * slope * sensitivity.by_height_scale()
+        )
+        yield from _term(sensitivity, name, angle, "rad", angle * share * sensitivity.force + turning_error, declared)
 
 
-def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+def _of_curvature(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
     """Yield the term of the skin's curvature k, by its surface.
 
     Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
@@ -116,33 +124,34 @@ def _of_curvature(found: Along, settings: AlignmentSettings, report: AlignmentRe
     if turned is None or not turned.curvature:
         return
     pairs = np.array([[turned.curvature] * 2, [turned.curvature + turned.curvature_std] * 2])
-    shares = found.model.curved_share(pairs, np.full(2, float(found.depth.mean())))
+    shares = sensitivity.model.curved_share(pairs, np.full(2, float(sensitivity.depth.mean())))
     if shares is not None and np.isfinite(shares).all():
-        inertia = (1.0 / shares[0] - 1.0) * (settings.tip_mass or 0.0) * found.acceleration
-        error = (shares[1] / shares[0] - 1.0) * found.force + inertia
-        yield from _term(found, "curvature", turned.curvature_std, "1/m", error)
-    elif share := _flatness(found.model, turned.curvature):
-        yield from _term(found, "curvature", abs(turned.curvature), "1/m", share * found.force)
+        inertia = (1.0 / shares[0] - 1.0) * (settings.tip_mass or 0.0) * sensitivity.acceleration
+        error = (shares[1] / shares[0] - 1.0) * sensitivity.force + inertia
+        yield from _term(sensitivity, "curvature", turned.curvature_std, "1/m", error)
+    elif share := _flatness(sensitivity.model, turned.curvature):
+        yield from _term(sensitivity, "curvature", abs(turned.curvature), "1/m", share * sensitivity.force)
 
 
-def _of_law(found: Along) -> Iterator[Term]:
+def _of_law(sensitivity: Along) -> Iterator[Term]:
     """Yield the term of a formula that stands for a solution and is off it by e of the force at most.
 
     By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
     itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
     """
-    if not (error := found.model.law_error):
+    if not (error := sensitivity.model.law_error):
         return
-    place = np.sqrt(np.clip(found.depth / found.depth.max(), 0.0, 1.0))
+    place = np.sqrt(np.clip(sensitivity.depth / sensitivity.depth.max(), 0.0, 1.0))
     waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVES)]
-    shifts = [found.shifts(error / _OF_MOST * wave * found.force / math.sqrt(_WAVES)) for wave in waves]
-    known = [shift for shift in shifts if shift is not None]
-    if known:
-        yield Term("law", error / _OF_MOST, "1", np.sqrt(np.sum(np.square(known), axis=0)))
+    shifts = [sensitivity.shifts(error / _COVERAGE * wave * sensitivity.force / math.sqrt(_WAVES)) for wave in waves]
+    determined = [shift for shift in shifts if shift is not None]
+    if determined:
+        yield Term("law", error / _COVERAGE, "1", np.sqrt(np.sum(np.square(determined), axis=0)))
 
 
 def _flatness(model: ContactModel, curvature: float) -> float:
-    """Share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has as flat.
+    """Return the share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has
+    as flat.
 
     A sphere of radius R on it is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of R_eff; 0
     of a model that states the skin's radii, and of another tip.
@@ -153,24 +162,25 @@ def _flatness(model: ContactModel, curvature: float) -> float:
     return float((1.0 + radius * curvature) ** -0.5 - 1.0)
 
 
-def _change(found: ForceSensitivity, source: UncertaintySource) -> Floats | None:
-    """Error (n,) of the force per unit of a source; None where it cannot be determined."""
+def _change(sensitivity: ForceSensitivity, source: UncertaintySource) -> Floats | None:
+    """Return the error (n,) of the force per unit of a source; None where it cannot be determined."""
     if source.path:
         step = source.std if source.name == "inclination" else 0.0
-        return -found.by_number(source.path, source.value, step)
+        return -sensitivity.by_number(source.path, source.value, step)
     if source.name == "force_scale":
-        return found.force
-    return None if found.stretched is None else -found.stretched
+        return sensitivity.force
+    return None if sensitivity.stretched is None else -sensitivity.stretched
 
 
 def _term(
-    found: ForceSensitivity, cause: str, std: float, unit: str, error: Floats, declared: bool = True
+    sensitivity: ForceSensitivity, cause: str, std: float, unit: str, error: Floats, declared: bool = True
 ) -> list[Term]:
     """Return the term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
-    shifts = found.shifts(error)
+    shifts = sensitivity.shifts(error)
     return [] if shifts is None else [Term(cause, std, unit, shifts, declared)]
 
 
-def per_newton(found: Along | None) -> Floats | None:
-    """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be determined."""
-    return found.shifts(np.ones(len(found.force))) if found is not None else None
+def per_newton(sensitivity: Along | None) -> Floats | None:
+    """Return the shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be
+    determined."""
+    return sensitivity.shifts(np.ones(len(sensitivity.force))) if sensitivity is not None else None

@@ -1,4 +1,5 @@
-"""What is known of a model's own numbers: declared standard uncertainties, and defaults that are stated as such."""
+"""Sources of uncertainty: numbers of a model by their declared standard uncertainties, and defaults that are stated as
+such."""
 
 from __future__ import annotations
 
@@ -11,8 +12,9 @@ from palpate import ContactModel
 from palpate_engine import POISSON_STD, READINGS, declared_std, numbers_of
 
 _RADII = ("radius", "curvature_radius")
+# Standard uncertainties of what nobody has declared: choices, as the help of [run] uncertainties states them.
 _RADIUS = 0.005  # of itself
-_INCLINATION = math.radians(2.0)
+_INCLINATION = math.radians(2.0)  # [rad]
 _SKIN_RADIUS = 0.05  # of itself
 _STICK = 0.5  # between a tip that slides and one that sticks, and half of the way from one to the other
 
@@ -33,7 +35,11 @@ def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[
     """Return a declared source of a model or its readings, or of `others` with their units; raises ValueError for
     none."""
     units = {**READINGS, **others}
-    numbers = {key: one for one in reversed(numbers_of(model)) for key in (one[0][-1], ".".join(one[0]))}
+    # A number is named by its last key or by its path; of several with one last key the first counts.
+    numbers = {}
+    for number_of_model in reversed(numbers_of(model)):
+        keys = number_of_model[0]
+        numbers[keys[-1]] = numbers[".".join(keys)] = number_of_model
     if name not in units and name not in numbers:
         allowed = ", ".join([*units, *(".".join(path) for path, _, _ in numbers_of(model))])
         raise ValueError(f"{name!r} is not a number of {type(model).__name__} or its tip; there are: {allowed}")
@@ -51,24 +57,25 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Uncert
     0.02/sqrt(3) about a value at the end of a rectangular distribution. Of a skin that is stated, the inclination is
     known to 2 degrees, a radius to 5 %, and whether the tip sticks on an inclination is not known.
     """
-    found = [
+    sources = [
         UncertaintySource(name, (), 1.0, declared_std(declared[name], unit), unit, True)
         for name, unit in READINGS.items()
         if name in declared
     ]
-    level = not getattr(getattr(model, "skin", None), "inclination", 0.0)
+    is_level = not getattr(getattr(model, "skin", None), "inclination", 0.0)
+    # A declared uncertainty goes before a default; what has neither is exact.
     for path, value, unit in numbers_of(model):
-        if level and path == ("skin", "stick"):
+        if is_level and path == ("skin", "stick"):
             continue
-        given = declared.get(".".join(path), declared.get(path[-1]))
-        if given is not None:
-            found.append(UncertaintySource(path[-1], path, value, declared_std(given, unit), unit, True))
+        declared_value = declared.get(".".join(path), declared.get(path[-1]))
+        if declared_value is not None:
+            sources.append(UncertaintySource(path[-1], path, value, declared_std(declared_value, unit), unit, True))
         elif path[-1] in _RADII:
-            found.append(UncertaintySource(path[-1], path, value, _RADIUS * abs(value), unit, False))
+            sources.append(UncertaintySource(path[-1], path, value, _RADIUS * abs(value), unit, False))
         elif path == ("poisson",):
-            found.append(UncertaintySource("poisson", path, value, POISSON_STD, unit, False))
+            sources.append(UncertaintySource("poisson", path, value, POISSON_STD, unit, False))
         elif path[0] == "skin":
             defaults = {"inclination": _INCLINATION, "stick": _STICK}
             std = defaults.get(path[-1], _SKIN_RADIUS * abs(value))
-            found.append(UncertaintySource(path[-1], path, value, std, unit, False))
-    return tuple(found)
+            sources.append(UncertaintySource(path[-1], path, value, std, unit, False))
+    return tuple(sources)

@@ -18,6 +18,7 @@ _MIN_AIR_BINS = 6  # for the scatter of the gradient
 _DEVIATION_SIGMAS = 3.0  # of the averaged force, or of the gradient in air
 _GRADIENT_SHARE = 0.1  # of the steepest rise
 _THRESHOLD_SIGMAS = 5.0  # of the threshold, where none is given
+_RECTANGLE = 12.0  # width^2 of a rectangular distribution over its variance
 _RISE_SAMPLES = 20  # behind the contact point, of the slope by which noise becomes an error of height
 
 
@@ -87,7 +88,7 @@ def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> 
     upper, lower = approach.height[last_below], approach.height[last_below + 1]
     step = abs(float(lower - upper))
     height = 0.5 * float(lower + upper)
-    return ContactPoint(height, float(np.hypot(step / np.sqrt(12.0), noise / abs(rise) if rise else np.inf)))
+    return ContactPoint(height, float(np.hypot(step / np.sqrt(_RECTANGLE), noise / abs(rise) if rise else np.inf)))
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from palpate_kit.numerics.tip_travel import noise_of
 FEWEST_AT_LIMIT = 10  # equal readings at the end of the range, in contact: the sensor is saturated
 HEIGHT_SIGMAS = 8.0  # standard deviations of the height: the range of normal values of a tip at rest
 MOST_STEPS = 1.5  # of the last digit, that a force at rest may have changed by: one, and what the slope is off
+_UPPER_HALF = 0.5  # of the largest force; the slope of a contact law is steepest above it
 TIMES_BELOW = 4.0  # times those of the next smaller value, which coarse readings stand at as often
 
 
@@ -41,15 +42,15 @@ def at_limit(force: Floats, height: Floats, rows: NDArray[np.bool_]) -> NDArray[
     return limited
 
 
-def _stands_with_tip(force: Floats, height: Floats, limited: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+def _stands_with_tip(force: Floats, height: Floats, limited: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
     """Return True if a force without noise stands because the tip does: no digit of it would have changed.
 
     By the slope of the force over the height in the upper half of the other samples, and the way of the tip meanwhile.
     """
-    digit = LastDigit.of(force[limited | others])
-    if not digit.exceeds_noise(force[others]):
+    digit = LastDigit.of(force[limited | free])
+    if not digit.exceeds_noise(force[free]):
         return False
-    upper = others & (force > 0.5 * float(np.max(force[others])))
+    upper = free & (force > _UPPER_HALF * float(np.max(force[free])))
     way = float(np.ptp(height[upper]))
     slope = (float(np.ptp(force[upper])) + digit.step) / way if way > 0.0 else np.inf
     moved = float(np.ptp(height[limited])) - HEIGHT_SIGMAS * noise_of(height)

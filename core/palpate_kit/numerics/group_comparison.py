@@ -15,9 +15,10 @@ from palpate import ConfigurationError
 from palpate_kit.numerics.mixed_model import mixed_differences
 from palpate_kit.numerics.unit_group import UnitGroup, UnitScatter, scatters
 
-FEWEST = 3  # units of a group for a p-value
+FEWEST = 3  # units of a group for a p-value (0390)
 _LIBERAL = 10  # units of each group below which Games and Howell's test finds too many differences
-SHOWN = 20  # pairs of a printed table
+SHOWN = 20  # pairs of a printed table: a choice
+_CONFIDENCE = 0.95  # of the interval of a difference
 CURVE, RUN = "curve", "run"  # units that are single values
 CAUTIONS = {  # of tests between single values
     RUN: "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: "
@@ -43,7 +44,7 @@ class PairTest:
 
     @property
     def difference_is(self) -> str:
-        """Which is subtracted from which."""
+        """Name of the difference: which mean is subtracted from which."""
         return f"{self.second} - {self.first}"
 
 
@@ -62,12 +63,12 @@ class GroupComparison:
 
     @property
     def units(self) -> int:
-        """How many units there are in all groups."""
+        """Number of units in all groups."""
         return sum(group.units for group in self.groups)
 
     @property
     def curves(self) -> int:
-        """How many values there are in all groups."""
+        """Number of values in all groups."""
         return sum(group.curves for group in self.groups)
 
     @property
@@ -77,7 +78,7 @@ class GroupComparison:
 
     @property
     def tests(self) -> int:
-        """How many pairs were tested."""
+        """Number of pairs that were tested."""
         return sum(math.isfinite(pair.p) for pair in self.pairs)
 
     @cached_property
@@ -87,11 +88,11 @@ class GroupComparison:
 
     @property
     def untested(self) -> str:
-        """Why some pairs have no p-value; "" where all have one."""
-        few = [f"{group.name} has {group.units}" for group in self.groups if group.units < FEWEST]
-        if len(self.groups) > 1 and few:
-            more = f" and {len(few) - SHOWN} groups more" if len(few) > SHOWN else ""
-            return f"no p-value below {FEWEST} units ({self.unit}) in a group: {', '.join(few[:SHOWN])}{more}"
+        """Reason why some pairs have no p-value; "" where all have one."""
+        small_groups = [f"{group.name} has {group.units}" for group in self.groups if group.units < FEWEST]
+        if len(self.groups) > 1 and small_groups:
+            more = f" and {len(small_groups) - SHOWN} groups more" if len(small_groups) > SHOWN else ""
+            return f"no p-value below {FEWEST} units ({self.unit}) in a group: {', '.join(small_groups[:SHOWN])}{more}"
         return "no p-value where nothing scatters" if self.tests < len(self.pairs) else ""
 
     @cached_property
@@ -129,13 +130,13 @@ class GroupComparison:
         return len(self.groups) > 2 and testable and not self.mixed
 
     def most_significant(self, count: int = SHOWN) -> list[PairTest]:
-        """At most so many pairs, those of the smallest p-values, in their order."""
+        """Return at most so many pairs, those of the smallest p-values, in their order."""
         rank = sorted(range(len(self.pairs)), key=lambda i: (math.isnan(self.pairs[i].p), self.pairs[i].p, i))
         return [self.pairs[i] for i in sorted(rank[:count])]
 
     @property
     def sentence(self) -> str:
-        """Which test was made of what, as a methods section says it; "" for a single group."""
+        """Sentence on the test that was made, as a methods section says it; "" for a single group."""
         if len(self.groups) < 2:
             return ""
         counts = f"{self.curves} single {self.unit}s" if self.singles else f"{self.units} units ({self.unit})"
@@ -150,14 +151,14 @@ class GroupComparison:
                 "units less groups"
             )
         else:
-            of = counts if self.singles else f"The means of {counts} with {self.curves} curves"
-            test = f"{of}, {ranges}, were compared by Welch's t-test"
+            compared = counts if self.singles else f"The means of {counts} with {self.curves} curves"
+            test = f"{compared}, {ranges}, were compared by Welch's t-test"
         if self.tests > 1:
             test += f"; p-values are two-sided and corrected for {self.tests} pairs by Holm's method"
         return f"{test}."
 
     def table(self) -> dict[str, Any]:
-        """Everything but the groups, as plain data [SI]."""
+        """Return everything but the groups, as plain data [SI]."""
         shown = set(self.most_significant())  # the others would take minutes
         whole, scatter = self.variance_analysis, self.scatter
         return {
@@ -183,55 +184,64 @@ class GroupComparison:
 
 
 def _range(counts: Iterable[int]) -> str:
-    known = sorted(set(counts))
-    return str(known[0]) if len(known) == 1 else f"{known[0]} to {known[-1]}"
+    """Return the range of some counts, "3 to 5", or the only one."""
+    sizes = sorted(set(counts))
+    return str(sizes[0]) if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
 
 
 def compare_groups(
     groups: Mapping[str, Iterable[tuple[str, float]]], unit: str, mixed: bool = False
 ) -> GroupComparison:
-    """Groups of values [SI], each value with the name of its unit of replication, compared by the units.
+    """Return the comparison of groups of values [SI], each value with the name of its unit of replication.
 
     Raises ConfigurationError where a mixed model is asked for and no unit has two values, or without statsmodels.
     """
-    found = []
-    for name, values in groups.items():
-        of_unit: dict[str, list[float]] = {}
-        for one, value in values:
-            of_unit.setdefault(one, []).append(value)
-        found.append(UnitGroup(name, {one: np.array(numbers) for one, numbers in of_unit.items()}))
-    if mixed and all(group.units == group.curves for group in found):
+    unit_groups = [_unit_group(name, values) for name, values in groups.items()]
+    if mixed and all(group.units == group.curves for group in unit_groups):
         raise ConfigurationError(f"--mixed: each unit ({unit}) has one value; Welch's test of the units needs no model")
-    testable = [group for group in found if group.units >= FEWEST]
-    tested = mixed_differences({group.name: group.values for group in testable}) if mixed and testable[1:] else {}
-    pairs = [_pair(a, b, tested.get((a.name, b.name)) if mixed else _welch(a, b)) for a, b in combinations(found, 2)]
-    corrected = holm([pair[1][-1] for pair in pairs])
-    return GroupComparison(
-        unit, tuple(found), tuple(PairTest(*names, *numbers, p) for (names, numbers), p in zip(pairs, corrected)), mixed
-    )
+    # The mixed model is one fit for all groups that have units enough.
+    testable = [group for group in unit_groups if group.units >= FEWEST]
+    by_model = mixed_differences({group.name: group.values for group in testable}) if mixed and testable[1:] else {}
+    pairs = []
+    for first, second in combinations(unit_groups, 2):
+        numbers = by_model.get((first.name, second.name)) if mixed else _welch(first, second)
+        pairs.append(_pair(first, second, numbers))
+    # The corrected p of a pair depends on how many were tested.
+    corrected = holm([numbers[-1] for _, numbers in pairs])
+    tests = (PairTest(*names, *numbers, p) for (names, numbers), p in zip(pairs, corrected))
+    return GroupComparison(unit, tuple(unit_groups), tuple(tests), mixed)
+
+
+def _unit_group(name: str, values: Iterable[tuple[str, float]]) -> UnitGroup:
+    """Return the group of values [SI], each with the name of its unit."""
+    values_of_unit: dict[str, list[float]] = {}
+    for unit, value in values:
+        values_of_unit.setdefault(unit, []).append(value)
+    return UnitGroup(name, {unit: np.array(numbers) for unit, numbers in values_of_unit.items()})
 
 
 _Numbers = tuple[float, float, float, float, float, float]  # difference, its interval, t, degrees of freedom, p
 
 
 def _pair(a: UnitGroup, b: UnitGroup, numbers: _Numbers | None) -> tuple[tuple[str, str], _Numbers]:
+    """Return the names of a pair with its numbers; without a test the difference alone, and NaN."""
     none = math.nan
     return (a.name, b.name), numbers or (b.mean - a.mean, none, none, none, none, none)
 
 
 def _welch(a: UnitGroup, b: UnitGroup) -> _Numbers | None:
-    """Welch's t-test of b against a; None where it is not made."""
+    """Return Welch's t-test of b against a; None where it is not made."""
     from scipy.stats import ttest_ind
 
     if min(a.units, b.units) < FEWEST or not (scatters(a.means) or scatters(b.means)):
         return None
-    found: Any = ttest_ind(b.means, a.means, equal_var=False)
-    low, high = found.confidence_interval(0.95)
-    return b.mean - a.mean, float(low), float(high), float(found.statistic), float(found.df), float(found.pvalue)
+    test: Any = ttest_ind(b.means, a.means, equal_var=False)
+    low, high = test.confidence_interval(_CONFIDENCE)
+    return b.mean - a.mean, float(low), float(high), float(test.statistic), float(test.df), float(test.pvalue)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for their number by Holm's method; NaN are not tests, and remain. Source: Holm 1979.
+    """Return p-values corrected for their number by Holm's method; NaN are not tests, and remain. Source: Holm 1979.
 
     >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
@@ -239,4 +249,4 @@ def holm(p_values: Sequence[float]) -> list[float]:
     p = np.array(p_values, float)
     order = np.argsort(p)[: int(np.isfinite(p).sum())]  # NaN come last
     p[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(order), 0, -1)), 1.0)
-    return [float(one) for one in p]
+    return [float(value) for value in p]

@@ -16,8 +16,9 @@ _STEADY_FORCE = 0.02  # of the largest force, within which it is held
 _NOISE_SIGMAS = 8.0  # of smoothed noise, within which a held reading stays
 _SMOOTHING_TIME = 0.02  # [s]
 _MIN_DURATION = 0.5  # [s]
-_MIN_SAMPLES = 100
+_MIN_SAMPLES = 100  # of a contact, and of a hold
 _MIN_SHARE = 0.1  # of the longest hold
+_SECOND_DIFFERENCE = 6.0  # variance of second differences of white noise of variance 1: 1 + 4 + 1
 _DEPTH_PREFERENCE = 0.8  # of the longest hold of the force, from which on the depth is held: both of an elastic body
 
 
@@ -65,7 +66,7 @@ def _stretches(values: Floats, interval: float, steady_share: float) -> list[tup
     width = max(round(_SMOOTHING_TIME / interval), 1)
     padded = np.pad(values, (width // 2, width - 1 - width // 2), "edge")
     smooth = np.convolve(padded, np.ones(width) / width, "valid")
-    smooth_noise = float(np.std(np.diff(values, 2)) / np.sqrt(6.0 * width))
+    smooth_noise = float(np.std(np.diff(values, 2)) / np.sqrt(_SECOND_DIFFERENCE * width))
     largest = float(values.max() - min(values.min(), 0.0))
     band = max(steady_share * largest, _NOISE_SIGMAS * smooth_noise)
     return list(_steady_stretches(smooth, band, 0, max(_MIN_SAMPLES, round(_MIN_DURATION / interval))))

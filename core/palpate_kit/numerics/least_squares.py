@@ -21,6 +21,11 @@ STEP_ROUNDING = 1e-13  # of an unknown, below which a step is rounding
 DIFFERENCE_STEP = 1.5e-8  # of an unknown: the square root of a double's resolution, best for one-sided differences
 STALLED_DECREASE = 0.9  # of the decrease before (choice): with less progress the steps are rounding
 POOR_GAIN, GOOD_GAIN = 0.25, 0.75  # gain ratios that raise and lower the damping (Fletcher 1971)
+UPHILL_FACTOR, POOR_FACTOR, GOOD_FACTOR = 10.0, 2.0, 0.1  # of the damping, by the gain of a step (choice)
+POOR_DAMPING = 1e-2 * FIRST_DAMPING  # at least, after a step of poor gain (choice)
+MIN_KEPT_DAMPING = 1e-3 * FIRST_DAMPING  # below which a step is that of Gauss and Newton (choice)
+RELEASE_ROUNDING = 1e-12  # of the largest slope, up to which a force on a bound is rounding
+TINY = 1e-300  # guards against a division by 0
 SETS_PER_UNKNOWN = 8  # active sets that are tried (choice); a problem of few unknowns needs 1 or 2 each
 
 
@@ -71,7 +76,7 @@ def least_squares(
         elif damping >= MAX_DAMPING:
             return Minimum(x, cost, evaluations, not is_significant)
         else:
-            damping = max(10.0 * damping, FIRST_DAMPING)
+            damping = max(UPHILL_FACTOR * damping, FIRST_DAMPING)
     return Minimum(x, _cost(equations), evaluations, False)
 
 
@@ -95,11 +100,11 @@ def normal_by_differences(residual: Callable[[Floats], Floats], high: Floats) ->
 def next_damping(damping: float, gain_ratio: float) -> float:
     """Return the damping after a step, by its gain ratio: actual over predicted decrease of the cost."""
     if gain_ratio < POOR_GAIN:
-        return max(2.0 * damping, 1e-2 * FIRST_DAMPING)
+        return max(POOR_FACTOR * damping, POOR_DAMPING)
     if gain_ratio < GOOD_GAIN:
         return damping
     # Near the minimum the step is that of Gauss and Newton.
-    return 0.1 * damping if damping > 1e-3 * FIRST_DAMPING else 0.0
+    return GOOD_FACTOR * damping if damping > MIN_KEPT_DAMPING else 0.0
 
 
 def bounded_step(equations: Floats, low: Floats, high: Floats, damping: float = 0.0) -> tuple[Floats, float]:
@@ -163,7 +168,7 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
         inward_force = np.where(fixed, np.where(s >= high, gradient, -gradient), -np.inf)
         inward_force[low == high] = -np.inf
         released = int(np.argmax(inward_force))
-        if inward_force[released] <= 1e-12 * float(np.max(np.abs(slope), initial=1e-300)):
+        if inward_force[released] <= RELEASE_ROUNDING * float(np.max(np.abs(slope), initial=TINY)):
             return s
         fixed[released] = False
     return s

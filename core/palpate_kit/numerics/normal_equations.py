@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-_SAFE_PIVOT = 1e-3  # of a matrix of diagonal 1, from which on rounding does no harm
-_FEW = 12  # unknowns, up to which plain numbers are faster than the call of LAPACK
+_SAFE_PIVOT = 1e-3  # of a matrix of diagonal 1: rounding grows by its inverse, to 1e-13 of the result at most; a choice
+_MAX_SWEPT = 12  # unknowns, up to which plain numbers are faster than the call of LAPACK: measured
+_MIN_LENGTH = 1e-300  # guards against a division by 0
 _ROUNDING = 1e-14  # of the largest eigenvalue, up to which one is rounding
 
 
@@ -25,7 +26,7 @@ def scaled_inverse(normal: Floats) -> Floats:
 
 def standard_errors(slopes: Floats) -> Floats:
     """Return the standard deviations (p,) of unknowns with these slopes (n, p), for white noise of 1."""
-    lengths = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    lengths = np.maximum(np.linalg.norm(slopes, axis=0), _MIN_LENGTH)
     unit = slopes / lengths
     inverse = symmetric_inverse(unit.T @ unit, _ROUNDING)
     return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)) / lengths)
@@ -38,7 +39,7 @@ def symmetric_inverse(square: Floats, least: float) -> Floats:
     """
     if not len(square):
         return square
-    if len(square) <= _FEW and (inverse := _sweep(square.tolist())) is not None:
+    if len(square) <= _MAX_SWEPT and (inverse := _sweep(square.tolist())) is not None:
         return np.array(inverse)
     values, directions = np.linalg.eigh(square)
     sizes = np.abs(values)
@@ -61,7 +62,7 @@ def _sweep(square: list[list[float]]) -> list[list[float]] | None:
         for i in places:
             if i != k:
                 share = square[i][k]
-                square[i] = [value - share * one for value, one in zip(square[i], scaled, strict=True)]
+                square[i] = [value - share * pivot_value for value, pivot_value in zip(square[i], scaled, strict=True)]
                 square[i][k] = -share / pivot
         scaled[k] = 1.0 / pivot
         square[k] = scaled

@@ -1,14 +1,14 @@
-"""E_n: whether a value and that of a reference agree within their expanded uncertainties."""
+"""E_n: the agreement of a value with that of a reference within their expanded uncertainties."""
 
 from __future__ import annotations
 
 import math
 
-COVERAGE = 2.0  # k of expanded uncertainties
+COVERAGE = 2.0  # k of expanded uncertainties, some 95 % (ISO 13528)
 
 
 def normalised_error(value: float, std: float, reference: float, reference_std: float) -> float:
-    """E_n = (x - X)/sqrt(U_x^2 + U_X^2), U = 2 u: agreement up to 1 in magnitude.
+    """Return E_n = (x - X)/sqrt(U_x^2 + U_X^2), U = 2 u: agreement up to 1 in magnitude.
 
     Source: ISO 13528:2022, 9.7; ISO/IEC 17043:2023.
 

@@ -1,4 +1,4 @@
-"""How a fit says that it cannot be done."""
+"""Refusal of a fit that cannot be done."""
 
 from __future__ import annotations
 

@@ -9,12 +9,12 @@ from palpate import Floats
 
 from palpate_kit.numerics.unit_group import scatters
 
-CORRELATED_FROM = 4  # values, from which on the correlation of neighbours is known well enough to count
-MAX_CORRELATION = 0.99  # of neighbours, so that the uncertainty of the mean stays finite
+CORRELATED_FROM = 4  # values, from which on the correlation of neighbours is known well enough to count: a choice
+MAX_CORRELATION = 0.99  # of neighbours, so that the uncertainty of the mean stays finite: a choice
 
 
 def autocorrelation(values: Floats, lags: int) -> Floats:
-    """Autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty without scatter."""
+    """Return the autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty without scatter."""
     centred = np.asarray(values, float) - np.mean(values)
     power = float(centred @ centred)
     if not scatters(values):
@@ -24,13 +24,13 @@ def autocorrelation(values: Floats, lags: int) -> Floats:
 
 
 def neighbour_correlation(values: Floats) -> float:
-    """Correlation coefficient of neighbours among values (n,) in their order; NaN without scatter."""
+    """Return the correlation coefficient of neighbours among values (n,) in their order; NaN without scatter."""
     by_lag = autocorrelation(values, 1)
     return float(by_lag[1]) if len(by_lag) > 1 else math.nan
 
 
 def std_of_mean(values: Floats) -> float:
-    """Standard uncertainty of the mean of values (n,) in their order; NaN for a single one.
+    """Return the standard uncertainty of the mean of values (n,) in their order; NaN for a single one.
 
     With the correlation r of neighbours: s/sqrt(n) sqrt((1 + r)/(1 - r)), r >= 0.
     """
@@ -51,5 +51,5 @@ def common_part(common: Floats) -> float:
 
 
 def combined_of_mean(std: float, common: Floats) -> float:
-    """Combined standard uncertainty of a mean, by its own scatter and what repeats have in common (m,)."""
+    """Return the combined standard uncertainty of a mean, by its own scatter and what repeats have in common (m,)."""
     return float(np.hypot(std, common_part(common) if len(common) else 0.0))

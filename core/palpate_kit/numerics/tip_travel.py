@@ -12,25 +12,29 @@ from palpate import ContactModel, Floats, Samples
 
 from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 
-_SHORTEST = 5  # samples
-_LONGEST = 0.2  # [s] that the window is widened to by itself
+_SHORTEST = 5  # samples, the fewest odd ones that a cubic does not pass through
+_LONGEST = 0.2  # [s] that the window is widened to by itself: a choice
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
 _MAX_BLUR = 0.01  # of a viscosity; a third of the smallest uncertainty that one is given
-_SIGNIFICANT = 3.0  # standard errors, beyond which a slope is not by chance
-_FORGOTTEN = 10.0  # times of the fastest state that are at least averaged
-_SHALLOW = 0.2  # of the depth that is reached: where it is the fastest
-_REACH, _MOST_SHALLOW = 5e-3, 1e-3  # [m] of a robot: where no record says how deep it goes, and however deep that is
-_GAP = 5.0  # median intervals
-_FEWEST_WINDOWS = 10  # side by side
+_SIGNIFICANT = 3.0  # standard errors, a choice, beyond which a slope is not by chance
+_FORGOTTEN = 10.0  # over the rate at which the fastest state forgets: the window that such a model may have; a choice
+_SHALLOW = 0.2  # of the depth that is reached: where it is the fastest; a choice
+_REACH, _MAX_SHALLOW = 5e-3, 1e-3  # [m] of a robot: where no record says how deep it goes, and however deep that is
+_GAP = 5.0  # median intervals, from which on a pause is a gap: a choice
+_MIN_WINDOWS = 10  # side by side, for their median: a choice
 _MEDIAN = 0.6745  # of the absolute value of noise, in standard deviations
 _INSIDE = 0.4  # of the longest such window: what a local cubic blurs goes with its fourth power
 _CLEAR = 1.3  # of that median; more is a motion that a cubic does not follow
-_AT_ONCE = 65_536  # samples whose differences are taken at once
+_AT_ONCE = 65_536  # samples whose differences are taken at once, 0.5 MB: a choice, for speed
+_THIRD_DIFFERENCE = 20.0  # variance of third differences of white noise of variance 1: 1 + 9 + 9 + 1
+_GROWTH, _GROWTH_SAMPLES = 1.2, 2  # from one width that is tried to the next: a choice
+_DEGREE = 4  # of the polynomial that a cubic lacks first
+_MIN_SPEED = 1e-300  # [m/s] guards against a division by 0
 
 
 @dataclass(frozen=True)
 class TipTravel:
-    """How the tip moved, in the direction of depth."""
+    """Motion of the tip in the direction of depth."""
 
     rate: Floats  # (n,) d' [m/s]
     acceleration: Floats  # (n,) d'' [m/s^2]
@@ -39,7 +43,7 @@ class TipTravel:
 
 
 def zero_phase_motion(samples: Samples, window: float | None, longest: float = _LONGEST) -> TipTravel:
-    """Rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
+    """Return rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
 
     The rate joins the slope of the position and the smoothed velocity, each weighted by the inverse variance of its
     noise, which third differences show. Noise of the rate lowers a viscosity (errors in variables) by its share of the
@@ -50,9 +54,10 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     noise = noise_of(samples.position, samples.time), noise_of(samples.velocity, samples.time)
     if window is not None:
         return _motion(samples, interval, _odd(window / interval), noise)
-    known = np.isfinite(samples.velocity)
-    squares = float(np.add.reduce(np.where(known, samples.velocity, 0.0) ** 2))
-    speed = float(np.sqrt(squares / max(int(np.count_nonzero(known)), 1)))
+    is_measured = np.isfinite(samples.velocity)
+    # Root mean square of the velocity, which the noise of the rate is compared with.
+    squares = float(np.add.reduce(np.where(is_measured, samples.velocity, 0.0) ** 2))
+    speed = float(np.sqrt(squares / max(int(np.count_nonzero(is_measured)), 1)))
     width = _width(noise, speed, interval, min(longest, _LONGEST))
     return _least_blurred_motion(samples, interval, width, noise, speed)
 
@@ -71,7 +76,7 @@ def _least_blurred_motion(
     sharper = [(w, noise) for w in reversed(_widths(width)) if w < width] + [(_SHORTEST, by_position)]
     for narrower, its_noise in sharper:
         blur = _blur(sharp_rate, motion.rate)
-        if blur < max(_MAX_BLUR, (_rate_noise(its_noise, narrower, interval) / max(speed, 1e-300)) ** 2):
+        if blur < max(_MAX_BLUR, (_rate_noise(its_noise, narrower, interval) / max(speed, _MIN_SPEED)) ** 2):
             break
         motion = _motion(samples, interval, narrower, its_noise)
     return motion
@@ -89,7 +94,8 @@ def _sharp_rate(samples: Samples, interval: float) -> Floats:
 
 
 def _blur(sharp_rate: Floats, rate: Floats) -> float:
-    """Share by which a viscosity would be too high since `rate` (n,) [m/s] is a smoothed `sharp_rate` (n,) [m/s].
+    """Return the share by which a viscosity would be too high since `rate` (n,) [m/s] is a smoothed `sharp_rate` (n,)
+    [m/s].
 
     The slope of the sharp rate over the smooth one, less 1 and less three of its standard errors. White noise adds
     nothing: a wider window of least squares has no less variance than its covariance with a narrower one.
@@ -99,12 +105,13 @@ def _blur(sharp_rate: Floats, rate: Floats) -> float:
         return 0.0
     slope = float(sharp_rate @ rate) / square
     error = sharp_rate - slope * rate
+    # Neighbours share a window: of so many samples the errors count once.
     standard_error = np.sqrt(_SHORTEST * float(error @ error) / square / len(rate))
     return slope - 1.0 - _SIGNIFICANT * float(standard_error)
 
 
 def _widths(longest: int) -> list[int]:
-    """Widths [samples] that are tried, from the shortest to `longest`."""
+    """Return the widths [samples] that are tried, from the shortest to `longest`."""
     widths = [_SHORTEST]
     while widths[-1] < longest:
         widths.append(_wider(widths[-1]))
@@ -112,7 +119,8 @@ def _widths(longest: int) -> list[int]:
 
 
 def _width(noise: tuple[float, float], speed: float, interval: float, longest: float) -> int:
-    """Samples of the shortest window that keeps the noise of the rate below a share of the usual speed [m/s]."""
+    """Return the samples of the shortest window that keeps the noise of the rate below a share of the usual speed
+    [m/s]."""
     width = _SHORTEST
     while width * interval < longest and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
         width = _wider(width)
@@ -122,7 +130,7 @@ def _width(noise: tuple[float, float], speed: float, interval: float, longest: f
 def rate_kernels(
     noise: tuple[float, float], speed: float, interval: float, channel: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """What `zero_phase_motion` makes of a single height and of a single speed, as kernels of a convolution.
+    """Return what `zero_phase_motion` makes of a single height and of a single speed, as kernels of a convolution.
 
     Of the rate by heights [1/s] and by speeds, and of the acceleration by heights [1/s^2] and by speeds [1/s].
 
@@ -141,7 +149,8 @@ def rate_kernels(
 
 
 def longest_window(model: ContactModel, depth: float = _REACH) -> float:
-    """Window [s] that blurs nothing that a model's states make of a motion to a depth [m], where a search begins.
+    """Return the window [s] that blurs nothing that a model's states make of a motion to a depth [m], where a search
+    begins.
 
     States average the rate themselves: its noise bends them less than what is blurred at a touch does.
     """
@@ -149,20 +158,22 @@ def longest_window(model: ContactModel, depth: float = _REACH) -> float:
         return _LONGEST
     guess = [1.0 if parameter.start is None else parameter.start for parameter in model.parameters]
     ones, count = [1.0] * len(model.memory), len(model.memory)
-    shallow = min(_SHALLOW * depth, _MOST_SHALLOW)
+    shallow = min(_SHALLOW * depth, _MAX_SHALLOW)
+    # The rate of a state is linear in it: the difference for states of 1 and 0 is how fast it forgets.
     ends = (model.memory_rate(shallow, 0.0, guess, state) for state in (ones, [0.0] * count))
     forgetting = np.abs(np.subtract(*(np.array(end, float) for end in ends)))
     return _FORGOTTEN / float(forgetting.max()) if forgetting.max() > 0 else _LONGEST
 
 
 def cubic_window(samples: Samples) -> float:
-    """Window [s] in which the motion is a cubic far within its noise, so that a local cubic does not blur it.
+    """Return the window [s] in which the motion is a cubic far within its noise, so that a local cubic does not blur
+    it.
 
     0.4 of the longest that shows no more than noise in the degree 4 of the heights in windows side by side, and so a
     fortieth of what may hide there; by the median, for corners are few among them.
     """
     interval, noise, width = _usual(samples), noise_of(samples.position, samples.time), _SHORTEST
-    while (wider := _wider(width)) * interval < _LONGEST and len(samples) >= _FEWEST_WINDOWS * wider:
+    while (wider := _wider(width)) * interval < _LONGEST and len(samples) >= _MIN_WINDOWS * wider:
         fourth = samples.position[: len(samples) // wider * wider].reshape(-1, wider) @ _fourth_degree(wider)
         if median(np.abs(fourth)) > _MEDIAN * _CLEAR * noise:
             break
@@ -173,39 +184,40 @@ def cubic_window(samples: Samples) -> float:
 @cache
 def _fourth_degree(width: int) -> Floats:
     """Return the polynomial of degree 4 (width,) that is orthogonal to those below it, of length 1."""
-    powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(5)
-    return np.asarray(np.linalg.qr(powers)[0][:, 4])
+    powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(_DEGREE + 1)
+    return np.asarray(np.linalg.qr(powers)[0][:, _DEGREE])
 
 
 def smooth_height(samples: Samples, window: float) -> Floats:
-    """Height (n,) [m] by local cubics over a symmetric window [s]; between gaps each stretch by itself."""
-    interval, found = _usual(samples), samples.position.copy()
+    """Return the height (n,) [m] by local cubics over a symmetric window [s]; between gaps each stretch by itself."""
+    interval, smooth = _usual(samples), samples.position.copy()
     for rows in _stretches(samples.interval, interval):
         width = min(_odd(window / interval), (rows.stop - rows.start - 1) // 2 * 2 + 1)
         if width >= _SHORTEST:
-            found[rows] = local_cubic(samples.position[rows], width)
-    return found
+            smooth[rows] = local_cubic(samples.position[rows], width)
+    return smooth
 
 
 def _usual(samples: Samples) -> float:
-    """Median interval [s] between samples."""
+    """Return the median interval [s] between samples."""
     interval = median(samples.interval[1:]) if len(samples) > 1 else 1.0
     return interval if interval > 0 else 1.0
 
 
 def median(values: Floats) -> float:
-    """Median of values (n,) without NaN, n > 0; numpy's own takes five times as long over a thousand."""
+    """Return the median of values (n,) without NaN, n > 0; numpy's own takes five times as long over a thousand."""
     low, high = (len(values) - 1) // 2, len(values) // 2
-    found = np.partition(values, (low, high))
-    return 0.5 * float(found[low] + found[high])
+    ordered = np.partition(values, (low, high))
+    return 0.5 * float(ordered[low] + ordered[high])
 
 
 def _wider(width: int) -> int:
     """Return the next width [samples] that is tried."""
-    return _odd(1.2 * width + 2)
+    return _odd(_GROWTH * width + _GROWTH_SAMPLES)
 
 
 def _odd(width: float) -> int:
+    """Return the odd number of samples of a window, at least the shortest."""
     return max(int(width) // 2 * 2 + 1, _SHORTEST)
 
 
@@ -225,7 +237,7 @@ def noise_of(values: Floats, time: Floats | None = None) -> float:
             differences = differences[np.isfinite(differences)]
             square = float(np.add.reduce(differences * differences))
         total, count = total + square, count + len(differences)
-    return float(np.sqrt(total / count / 20.0)) if count else np.inf
+    return float(np.sqrt(total / count / _THIRD_DIFFERENCE)) if count else np.inf
 
 
 def _across_gaps(time: Floats) -> NDArray[np.bool_]:
@@ -238,24 +250,25 @@ def _across_gaps(time: Floats) -> NDArray[np.bool_]:
 
 
 def third_differences(values: Floats) -> Floats:
-    """As `numpy.diff` of order 3 along the last axis takes them."""
+    """Return what `numpy.diff` of order 3 does along the last axis."""
     for _ in range(3):
         values = values[..., 1:] - values[..., :-1]
     return values
 
 
 def _variances(noise: tuple[float, float], width: int, interval: float) -> tuple[float, float]:
-    """Variance of the rate [(m/s)^2] from the slope of the position, and from the smoothed velocity."""
+    """Return the variance of the rate [(m/s)^2] from the slope of the position, and from the smoothed velocity."""
     return (noise[0] / interval * _length(width, 1)) ** 2, (noise[1] * _length(width, 0)) ** 2
 
 
 @cache
 def _length(width: int, derivative: int) -> float:
-    """By how much a local cubic multiplies the standard deviation of white noise."""
+    """Return by how much a local cubic multiplies the standard deviation of white noise."""
     return float(np.linalg.norm(cubic_weights(width, derivative)))
 
 
 def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> float:
+    """Return the standard deviation [m/s] of the rate by position and velocity, weighted by their inverse variances."""
     slope, value = _variances(noise, width, interval)
     if value == np.inf:
         return float(np.sqrt(slope))
@@ -263,12 +276,18 @@ def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> floa
 
 
 def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, float]) -> TipTravel:
-    n = len(samples)
-    slope, smooth, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
+    """Return the motion over windows of `width` samples, between gaps each stretch by itself.
+
+    The rate is -[(1 - c) z' + c v], with c = s_z^2/(s_z^2 + s_v^2) by the variances of slope z' and smoothed velocity
+    v. A stretch that is shorter than the shortest window has its velocity, and no acceleration.
+    """
+    count = len(samples)
+    slope, smooth, acceleration = np.zeros(count), np.zeros(count), np.zeros(count)
     variances = _variances(noise, width, interval)
     total = sum(variances)
     share = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity
     for rows in _stretches(samples.interval, interval):
+        # A stretch between gaps has a window of its own where it is shorter than the usual one.
         length = rows.stop - rows.start
         fitting = min(width, (length - 1) // 2 * 2 + 1)
         if fitting < _SHORTEST:
@@ -279,6 +298,7 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
         velocity = samples.velocity[rows]
         smooth[rows] = local_cubic(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
         acceleration[rows] = local_cubic((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
+    # In place, for records are long: slope becomes the rate of the depth.
     slope *= share - 1
     smooth *= share
     slope -= smooth  # minus the rate of the height
@@ -287,7 +307,7 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:
-    """Rows between gaps."""
+    """Yield the rows between gaps."""
     cuts = np.flatnonzero(intervals > _GAP * usual)
     cuts = cuts[cuts > 0]
     for first, last in zip([0, *cuts], [*cuts, len(intervals)], strict=True):

@@ -13,10 +13,13 @@ from palpate import Floats
 
 from palpate_kit.numerics.precision import Precision, precision
 
+_ROUNDING = 1e-12  # of the largest value; means of a thousand equal ones differ by less
+_UPPER_PROBABILITY = 0.975  # of Student's t at the upper end of an interval of 95 %
+
 
 def scatters(values: Floats) -> bool:
     """Return True if values (n,) differ by more than rounding."""
-    return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
+    return bool(np.ptp(values) > _ROUNDING * np.abs(values).max())
 
 
 @dataclass(frozen=True)
@@ -29,17 +32,17 @@ class UnitGroup:
     @cached_property
     def means(self) -> Floats:
         """Mean (n,) of each unit."""
-        return np.array([one.mean() for one in self.values.values()])
+        return np.array([unit_values.mean() for unit_values in self.values.values()])
 
     @property
     def units(self) -> int:
-        """How many units there are."""
+        """Number of units."""
         return len(self.values)
 
     @property
     def curves(self) -> int:
-        """How many values they have together."""
-        return sum(len(one) for one in self.values.values())
+        """Number of their values together."""
+        return sum(len(unit_values) for unit_values in self.values.values())
 
     @property
     def mean(self) -> float:
@@ -61,16 +64,16 @@ class UnitGroup:
         """Interval of 95 % of the mean, by Student's t of the units' means; NaN for a single one."""
         from scipy.stats import t as student
 
-        half = self.std_of_mean * float(student.ppf(0.975, self.units - 1)) if self.units > 1 else math.nan
+        half = self.std_of_mean * float(student.ppf(_UPPER_PROBABILITY, self.units - 1)) if self.units > 1 else math.nan
         return self.mean - half, self.mean + half
 
     @property
     def scatter(self) -> UnitScatter:
-        """Between and within its units."""
+        """Scatter between and within its units."""
         return UnitScatter.of([self])
 
     def table(self) -> dict[str, Any]:
-        """Everything, as plain data [SI]."""
+        """Return everything as plain data [SI]."""
         low, high = self.interval
         return {
             "units": self.units, "curves": self.curves, "mean": self.mean, "std": self.std,
@@ -88,11 +91,12 @@ class UnitScatter:
 
     @classmethod
     def of(cls, groups: Sequence[UnitGroup]) -> UnitScatter:
-        """What groups show together, by their degrees of freedom; where no unit has two values both are between."""
-        found: Precision | None = precision([list(group.values.values()) for group in groups if group.units])
-        if found is None or all(group.units < 2 for group in groups):
-            return cls(math.nan, math.nan if found is None else found.repeatability)
-        return cls(found.reproducibility if math.isnan(found.between) else found.between, found.repeatability)
+        """Return what groups show together, by their degrees of freedom; where no unit has two values both are
+        between."""
+        pooled: Precision | None = precision([list(group.values.values()) for group in groups if group.units])
+        if pooled is None or all(group.units < 2 for group in groups):
+            return cls(math.nan, math.nan if pooled is None else pooled.repeatability)
+        return cls(pooled.reproducibility if math.isnan(pooled.between) else pooled.between, pooled.repeatability)
 
     @property
     def correlation(self) -> float:

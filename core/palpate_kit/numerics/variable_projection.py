@@ -11,14 +11,16 @@ from palpate import Floats
 
 from palpate_kit.numerics.least_squares import bounded_quadratic
 
-_RIDGE = 1e-12  # of the squares of a column
-_ROUNDS = 6  # grids, each about the best place of the one before
-_RATIOS, _HEIGHTS = np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 13)  # places of a finer grid
+_RIDGE = 1e-12  # of the squares of a column: keeps columns that are multiples of each other solvable
+_ROUNDS = 6  # grids, each about the best place of the one before: a choice, 6^-5 of a spacing at the end
+_FINER_RATIO, _FINER_HEIGHT = 3, 6  # steps of a finer grid within one of the grid before, to each side
+_RATIOS = np.linspace(-1.0, 1.0, 2 * _FINER_RATIO + 1)
+_HEIGHTS = np.linspace(-1.0, 1.0, 2 * _FINER_HEIGHT + 1)
 
 
 @dataclass(frozen=True)
 class LinearPart:
-    """Unknowns (k,) that leave the least squares, and these; infinite where columns are not finite."""
+    """Solution of a linear least-squares problem; squares are infinite where columns are not finite."""
 
     squares: float
     unknowns: Floats
@@ -34,16 +36,17 @@ def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high:
         return LinearPart(np.inf, np.zeros(len(scale)))
     scale[scale == 0] = 1.0
     unit = matrix / scale
-    found = np.linalg.lstsq(unit, target, rcond=None)[0] / scale
-    if low is not None and high is not None and (np.any(found < low) or np.any(found > high)):
-        least, most = low * scale, high * scale
-        middle = np.clip(0.0, least, most)
-        slope = -(unit.T @ (target - unit @ middle))
+    unknowns = np.linalg.lstsq(unit, target, rcond=None)[0] / scale
+    if low is not None and high is not None and (np.any(unknowns < low) or np.any(unknowns > high)):
+        low_scaled, high_scaled = low * scale, high * scale
+        origin = np.clip(0.0, low_scaled, high_scaled)
+        slope = -(unit.T @ (target - unit @ origin))
         square = unit.T @ unit + _RIDGE * np.eye(len(scale))
-        inside = middle + bounded_quadratic(square, slope, least - middle, most - middle)
-        found = np.clip(inside / scale, low, high)
-    left = target - matrix @ found
-    return LinearPart(float(left @ left), found)
+        # Quadratic programme about the point of the bounds that is nearest to 0.
+        scaled_unknowns = origin + bounded_quadratic(square, slope, low_scaled - origin, high_scaled - origin)
+        unknowns = np.clip(scaled_unknowns / scale, low, high)
+    residual = target - matrix @ unknowns
+    return LinearPart(float(residual @ residual), unknowns)
 
 
 def best_place(
@@ -55,10 +58,10 @@ def best_place(
     """
     factor, width = float(ratios[1] / ratios[0]), 0.0 if held else float(np.ptp(heights)) / (len(heights) - 1)
     best = (float(ratios[0]), float(heights[0]))
-    for left in reversed(range(_ROUNDS)):
+    for grids_left in reversed(range(_ROUNDS)):
         places = product(ratios.tolist(), heights.tolist())
-        best = min(places, key=lambda place: squares(place[0], place[1], left))
+        best = min(places, key=lambda place: squares(place[0], place[1], grids_left))
         ratios = best[0] * factor**_RATIOS
         heights = heights[:1] if held else best[1] + width * _HEIGHTS
-        factor, width = factor ** (1 / 3), width / 6.0
+        factor, width = factor ** (1 / _FINER_RATIO), width / _FINER_HEIGHT
     return best
