@@ -16,7 +16,11 @@ from palpate import DeviceError, clock
 from palpate_kit.acquisition.computer import Activity, host
 from palpate_kit.acquisition.ring import Ring, ring_size, shared_memory
 
-_BEAT_EVERY = 0.025  # [s]
+_SECOND = 1e9  # [ns]
+_BEAT_EVERY = 0.025  # [s]: a choice
+_LOOK = 0.02  # [s] between looks whether a process that gets ready has failed: a choice
+_CHUNK = 65_536  # bytes that are read from the socket at once
+_MAX_DESCRIPTORS = 4  # that may come with one message
 _SUSPECT = 0.5  # of the longest time without a beat, after which it is looked what the process does
 _COMPUTES = 0.2  # of the time since then, that a process computes which has a core
 _OUTSIDE = {  # signals that a process does not send itself, and who does
@@ -41,6 +45,7 @@ class Child:
     def __init__(
         self, name: str, role: str, module: str, settings: dict[str, Any], columns: int, hint: str = ""
     ) -> None:
+        """Start the process with a ring of `columns`; `hint` is a clause on what a sudden end means."""
         self.name = name
         self._hint = hint  # what a sudden end means
         ours, theirs = socket.socketpair()
@@ -69,18 +74,18 @@ class Child:
             self.ring.beat(clock().now_ns(), host=True)
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
-        """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
+        """Return the messages of the child since the last call, waiting up to `timeout` [s] for something."""
         self._receive(0.0 if self._unread else timeout)
-        found = list(self._unread)
+        messages = list(self._unread)
         self._unread.clear()
-        return found
+        return messages
 
     def _receive(self, timeout: float = 0.0) -> None:
         """Take what the child has sent from the socket, and lose none of it."""
         with contextlib.suppress(ConnectionError):
             while clock().wait([self._socket], timeout):
                 timeout = 0.0
-                data = self._socket.recv(65536)
+                data = self._socket.recv(_CHUNK)
                 if not data:
                     break
                 self._text += data
@@ -98,7 +103,7 @@ class Child:
         """
         deadline = clock().now() + timeout
         while clock().now() < deadline:
-            self._receive(0.02)
+            self._receive(_LOOK)
             while self._unread:
                 if (message := self._unread.popleft())["say"] == word:
                     return message
@@ -117,7 +122,7 @@ class Child:
             raise DeviceError(f"{self.name}: its process ended ({_ending(code, self._hint)}")
         beat = self.ring.last_beat()
         if beat_limit is not None and beat:
-            self._check_beat((clock().now_ns() - beat) / 1e9, beat_limit)
+            self._check_beat((clock().now_ns() - beat) / _SECOND, beat_limit)
 
     def _check_beat(self, age: float, limit: float) -> None:
         """Kill a child whose latest beat is older than a limit [s], and raise DeviceError with what it did."""
@@ -208,7 +213,7 @@ class Parent:
         self._socket.close()
 
     def fileno(self) -> int:
-        """Of what to wait for messages at."""
+        """Return the descriptor at which messages arrive."""
         return self._socket.fileno()
 
     def tell(self, word: str, **facts: Any) -> None:
@@ -217,9 +222,9 @@ class Parent:
             self._socket.sendall(json.dumps({"say": word, **facts}).encode() + b"\n")
 
     def messages(self) -> list[dict[str, Any]]:
-        """Messages of the parent since the last call; sets `gone` where it has closed its end or died."""
+        """Return the messages of the parent since the last call; sets `gone` where it has closed its end or died."""
         try:
-            data, descriptors, _, _ = socket.recv_fds(self._socket, 65536, 4)
+            data, descriptors, _, _ = socket.recv_fds(self._socket, _CHUNK, _MAX_DESCRIPTORS)
             self.descriptors += descriptors
             self._received += descriptors
             self.gone = self.gone or not data

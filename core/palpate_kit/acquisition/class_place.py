@@ -1,4 +1,4 @@
-"""Where another process finds a class: in a module, or in a plugin file with the content that was executed here."""
+"""Place at which another process finds a class: a module, or a plugin file with the content that was executed here."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 from palpate_engine import plugin_file_of
 
 
-def class_place(found: type) -> dict[str, Any]:
+def class_place(part_class: type) -> dict[str, Any]:
     """Return the place of a class, as plain data."""
-    file = plugin_file_of(sys.modules[found.__module__])
+    file = plugin_file_of(sys.modules[part_class.__module__])
     source = {"file": str(file.path.resolve()), "sha256": file.digest} if file else {"file": None}
-    return {"module": found.__module__, "name": found.__qualname__, **source}
+    return {"module": part_class.__module__, "name": part_class.__qualname__, **source}
 
 
 def class_at(place: Mapping[str, Any]) -> Any:

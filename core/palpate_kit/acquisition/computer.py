@@ -23,12 +23,15 @@ from palpate import DeviceError
 
 from palpate_kit.acquisition.device_lock import network_device, reserve
 
-_SPELL = 3_000_000  # [us] of computing at real-time priority without a pause
+_SPELL = 3_000_000  # [us] of computing at real-time priority without a pause (0243)
+_GRACE = 1_000_000  # [us] more, after which the system kills the process
+_SECOND = 1e9  # [ns]
+_STATE_RATE = 500.0  # [Hz] of the states of an e-Series arm, the highest of its protocol
 
 
 @dataclass(frozen=True)
 class Activity:
-    """What a process does at a moment, by the letter that the system has for it (proc(5)), and its processor time."""
+    """State of a process at a moment, by the letter that the system has for it (proc(5)), and its processor time."""
 
     state: str  # "R" computes, or waits for a core; "S" sleeps; "D" waits for a disk; "T" was stopped
     processor_time: float  # [s]
@@ -57,18 +60,18 @@ class Process(Protocol):
 
 
 class Host(Protocol):
-    """What devices need of the computer."""
+    """Services of the computer that devices need."""
 
     def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
         """Run a module as a process of its own, for a "robot" or a "sensor"; arguments: open files, settings (JSON)."""
         ...
 
     def activity(self, process: Process) -> Activity | None:
-        """What a process that was started does now; None where it has gone, or the system does not say."""
+        """Return what a process that was started does now; None where it has gone, or the system does not say."""
         ...
 
     def enter(self, priority: int) -> str:
-        """Make the present process one of a device; a sentence on its scheduling."""
+        """Make the present process one of a device; return a sentence on its scheduling."""
         ...
 
     def run_without_collection(self) -> None:
@@ -95,7 +98,7 @@ class Host(Protocol):
         ...
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
-        """What `probe` learns from a robot's controller; raises DeviceError where it does not answer."""
+        """Return what `probe` learns from a robot's controller; raises DeviceError where it does not answer."""
         ...
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
@@ -125,11 +128,11 @@ class Computer:
         return subprocess.Popen(command, pass_fds=tuple(descriptors), stdin=subprocess.DEVNULL, stdout=output)
 
     def activity(self, process: Process) -> Activity | None:
-        """By ``/proc``: the state, and the first number of ``schedstat`` [ns]."""
+        """Return the state, and the first number of ``schedstat`` [ns], by ``/proc``."""
         folder = Path(f"/proc/{process.pid}")
         try:
             state = (folder / "stat").read_text().rpartition(") ")[2][:1]
-            return Activity(state, int((folder / "schedstat").read_text().split()[0]) / 1e9)
+            return Activity(state, int((folder / "schedstat").read_text().split()[0]) / _SECOND)
         except (OSError, ValueError, IndexError):
             return None
 
@@ -141,16 +144,16 @@ class Computer:
         return real_time(priority)
 
     def run_without_collection(self) -> None:
-        """From now on nothing is collected."""
+        """Collect nothing from now on."""
         gc.freeze()
         gc.disable()
 
     def leave(self, code: int) -> NoReturn:
-        """Without destructors: those of a client library sleep, hang or crash."""
+        """End the process without destructors: those of a client library sleep, hang or crash."""
         os._exit(code)
 
     def reserve(self, device: str) -> None:
-        """By a lock that names this program."""
+        """Keep a device by a lock that names this program."""
         reserve(device, self._program)
 
     def serial_port(self, path: str, baud: int) -> Any:
@@ -184,27 +187,27 @@ class Computer:
         return link
 
     def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
-        """That of its maker."""
+        """Return the driver of its maker."""
         return make(settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
-        """By the probe itself."""
+        """Return what the probe itself learns."""
         return probe(address)
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
-        """By the client library."""
+        """Return the states by the client library."""
         import rtde_receive
 
-        return rtde_receive.RTDEReceiveInterface(address, 500.0, list(variables))
+        return rtde_receive.RTDEReceiveInterface(address, _STATE_RATE, list(variables))
 
     def robot_commands(self, address: str) -> Any:
-        """By the client library."""
+        """Return the commands by the client library."""
         import rtde_control
 
-        return rtde_control.RTDEControlInterface(address, 500.0)
+        return rtde_control.RTDEControlInterface(address, _STATE_RATE)
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
-        """By the connection itself."""
+        """Return the connection itself."""
         return connect(address)
 
 
@@ -227,7 +230,7 @@ def use_host(other: Host) -> Iterator[None]:
 
 
 def real_time(priority: int) -> str:
-    """Ask for real-time scheduling of this process; a sentence on what came of it.
+    """Ask for real-time scheduling of this process; return a sentence on what came of it.
 
     Where it computes for 3 s without a pause the system ends it: no process takes a core permanently.
     """
@@ -236,7 +239,7 @@ def real_time(priority: int) -> str:
     except (AttributeError, OSError) as error:
         return f"no real-time scheduling ({error.__class__.__name__}: not permitted)"
     with contextlib.suppress(OSError, ValueError):  # a lower limit of the system stays
-        resource.setrlimit(resource.RLIMIT_RTTIME, (_SPELL, _SPELL + 1_000_000))
+        resource.setrlimit(resource.RLIMIT_RTTIME, (_SPELL, _SPELL + _GRACE))
     return f"real-time scheduling, SCHED_FIFO {priority}"
 
 

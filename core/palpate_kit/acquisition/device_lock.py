@@ -17,7 +17,11 @@ from typing import Any
 from palpate import DeviceError
 
 FOLDER = Path("/tmp")  # the same one for all users and their environments
-_LONGEST = 100  # characters of a command in a message
+_MAX_COMMAND = 100  # characters of a command in a message: a choice
+_MODE = 0o666  # every user may lock and write
+_ATTEMPTS = 3  # to open a lock that other programs make and remove meanwhile: a choice
+_MAX_CONTENT = 65_536  # bytes that are read of a lock
+_LEADING = 3  # words of a command among which palpate's own is: interpreter, option, script
 _held: dict[str, int] = {}  # descriptors of this process by file; the system frees them when it ends, however it ends
 
 
@@ -54,12 +58,12 @@ def reserve(device: str, program: int, folder: Path = FOLDER) -> None:
 
 def _opened(path: Path) -> int:
     """Return the file of a lock, which programs of every user may lock and write."""
-    for _ in range(3):
+    for _ in range(_ATTEMPTS):
         with suppress(FileNotFoundError):
             return os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
         with suppress(FileExistsError):
-            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-            os.fchmod(handle, 0o666)  # whatever the umask
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, _MODE)
+            os.fchmod(handle, _MODE)  # whatever the umask
             return handle
     raise FileNotFoundError(2, "it comes and goes")
 
@@ -75,7 +79,7 @@ def _description(program: int) -> dict[str, Any]:
 
 
 def _folder(program: int) -> str:
-    """Where the program runs, by which its relative paths are read."""
+    """Return the folder in which the program runs, by which its relative paths are read."""
     try:
         return str(Path(f"/proc/{program}/cwd").readlink())
     except OSError:
@@ -84,22 +88,22 @@ def _folder(program: int) -> str:
 
 def _command(program: int) -> str:
     try:
-        words = Path(f"/proc/{program}/cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
+        command = Path(f"/proc/{program}/cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
     except OSError:
-        words = sys.argv
+        command = sys.argv
     # "python3 /somewhere/bin/palpate run x.toml" is `palpate run x.toml`
-    begin = next((at for at, word in enumerate(words[:3]) if Path(word).name == "palpate"), None)
-    return textwrap.shorten(" ".join(words if begin is None else ["palpate", *words[begin + 1 :]]), _LONGEST)
+    begin = next((number for number, part in enumerate(command[:_LEADING]) if Path(part).name == "palpate"), None)
+    return textwrap.shorten(" ".join(command if begin is None else ["palpate", *command[begin + 1 :]]), _MAX_COMMAND)
 
 
 def _holder(handle: int) -> str:
-    """Who holds a lock, as a message calls it."""
+    """Return who holds a lock, as a message calls it."""
     try:
-        found = json.loads(os.pread(handle, 65536, 0))
-        since = datetime.fromisoformat(found["since"])
-        program, process = int(found["program"]), int(found["process"])
-        begun = f"process {program}, in {found['folder']}, since {since:%H:%M:%S on %Y-%m-%d}"
-        text = f"`{found['command']}` ({begun})"
+        description = json.loads(os.pread(handle, _MAX_CONTENT, 0))
+        since = datetime.fromisoformat(description["since"])
+        program, process = int(description["program"]), int(description["process"])
+        begun = f"process {program}, in {description['folder']}, since {since:%H:%M:%S on %Y-%m-%d}"
+        text = f"`{description['command']}` ({begun})"
     except (OSError, ValueError, KeyError, TypeError):
         return "another program"
     if process == program or Path(f"/proc/{program}").exists():

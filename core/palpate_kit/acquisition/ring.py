@@ -13,7 +13,9 @@ from palpate import Floats
 
 HEAD = 64  # 64-bit words before the rows
 _WRITTEN, _BEAT, _HOST_BEAT = 0, 1, 2
-ROWS = 8192
+ROWS = 8192  # 8 s of a sensor of 1 kHz: a choice
+_BYTES = 8  # of a 64-bit word
+_MARGIN = 16  # rows behind the writer that are not read
 WORDS = 8  # first word that a device may use as it likes
 
 
@@ -27,7 +29,7 @@ class Ring:
     def __init__(self, descriptor: int, columns: int, rows: int = ROWS) -> None:
         self._memory = mmap.mmap(descriptor, ring_size(columns, rows))
         self.head: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, HEAD)
-        self._table: Floats = np.frombuffer(self._memory, np.float64, offset=8 * HEAD)
+        self._table: Floats = np.frombuffer(self._memory, np.float64, offset=_BYTES * HEAD)
         self._table = self._table.reshape(rows, columns)
         self.columns, self._rows = columns, rows
         self._read = 0
@@ -45,14 +47,14 @@ class Ring:
         """Return a copy of the rows that have come since the last call (n, columns)."""
         written = int(self.head[_WRITTEN])
         # The writer may be at work on the row after the last: leave it a margin.
-        first = max(self._read, written - self._rows + 16)
+        first = max(self._read, written - self._rows + _MARGIN)
         self.lost += first - self._read
         rows = self._table[np.arange(first, written) % self._rows]
         self._read = written
         return rows
 
     def early(self) -> Floats:
-        """What came before the first request for rows, or the latest of it; none of it counts as lost."""
+        """Return what came before the first request for rows, or the latest of it; none of it counts as lost."""
         rows = self.read()
         self.lost = 0
         return rows
@@ -62,7 +64,7 @@ class Ring:
         self.head[_HOST_BEAT if host else _BEAT] = now
 
     def last_beat(self, host: bool = False) -> int:
-        """Monotonic time [ns] at which the other side last was alive; 0 before the first time."""
+        """Return the monotonic time [ns] at which the other side last was alive; 0 before the first time."""
         return int(self.head[_HOST_BEAT if host else _BEAT])
 
 
@@ -72,12 +74,12 @@ def integers(rows: Floats, column: int) -> NDArray[np.int64]:
 
 
 def ring_size(columns: int, rows: int = ROWS) -> int:
-    """Bytes of shared memory that a ring takes."""
-    return 8 * (HEAD + columns * rows)
+    """Return the bytes of shared memory that a ring takes."""
+    return _BYTES * (HEAD + columns * rows)
 
 
 def shared_memory(size: int) -> int:
-    """Descriptor of memory that has no name and so vanishes with the last process that holds it."""
+    """Return the descriptor of memory that has no name and so vanishes with the last process that holds it."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("palpate")
     else:

@@ -17,7 +17,7 @@ from palpate_kit.acquisition.ring import HEAD, ROWS, WORDS, integers
 from palpate_kit.acquisition.sensor_reader import SensorReader
 from palpate_kit.acquisition.sensor_worker import MODULE
 
-_POLL = 0.004  # [s]
+_POLL = 0.004  # [s] between looks for rows: a choice
 _MOST_QUIET = 0.01  # [s]; at least so often there is something, if nothing new
 _BEAT_SLACK = 0.02  # [s]; a sensor's process beats at least so often
 _HOST, _SENSOR = "time of arrival", "time of the sensor"  # columns before those of the streams
@@ -44,7 +44,7 @@ class SensorProcess:
 
     @contextmanager
     def link(self) -> Iterator[Link]:
-        """The sensor, streaming; raises DeviceError where it does not get ready."""
+        """Yield the sensor, streaming; raises DeviceError where it does not get ready."""
         row = Layout(**{_HOST: 1, _SENSOR: 1, **{stream.name: len(stream.channels) for stream in self.streams}})
         task = {
             "reader": class_place(self.reader),
@@ -66,11 +66,13 @@ class _SensorLink:
         self._process, self._child, self._row, self._ready = process, child, row, ready
         self._clock = ClockMap()
         bits = [f"{stream.name}/{channel.name}" for stream in process.streams for channel in stream.channels]
-        self._bits = next((at for at, name in enumerate(bits, row.size - len(bits)) if name.endswith("/bits")), None)
+        self._bits = next(
+            (column for column, name in enumerate(bits, row.size - len(bits)) if name.endswith("/bits")), None
+        )
         self._counts = dict.fromkeys(("readings", *process.reader.status_bits, "unusable"), 0)
 
     def shared(self, stream: str) -> SharedReadings | None:
-        """Where other processes find the readings of a stream."""
+        """Return where other processes find the readings of a stream; None of another device's."""
         if stream not in self._row:
             return None
         row, tick = self._row, self._process.reader.tick
@@ -78,7 +80,7 @@ class _SensorLink:
         return SharedReadings(self._child.memory, HEAD, ROWS, *columns, tick)
 
     def batches(self) -> Iterator[Batch]:
-        """What has come, every 4 ms; raises DeviceError as soon as the sensor fails."""
+        """Yield the batches that have come, every 4 ms; raises DeviceError as soon as the sensor fails."""
         self._times(self._child.ring.early())  # these came while other devices were connected
         for rows in self._rows():
             stamps, arrivals = self._times(rows)
@@ -87,7 +89,8 @@ class _SensorLink:
                 yield Batch(stream.name, stamps, arrivals, rows[:, self._row[stream.name]].copy())
 
     def _rows(self) -> Iterator[Floats]:
-        """Rows (n, columns) as they come, n = 0 where none has for 10 ms; raises DeviceError when the sensor fails."""
+        """Yield rows (n, columns) as they come, n = 0 where none has for 10 ms; raises DeviceError when the sensor
+        fails."""
         ring, quiet = self._child.ring, clock().now()
         while True:
             rows = ring.read()
@@ -102,7 +105,7 @@ class _SensorLink:
                 raise DeviceError(f"{self._child.name}: {ring.lost} readings were lost: the host is too slow")
 
     def _times(self, rows: Floats) -> tuple[Any, Any]:
-        """Host times (n,) [ns] of the readings and of their arrival."""
+        """Return the host times (n,) [ns] of the readings and of their arrival."""
         arrivals = integers(rows, self._row.at(_HOST)) + epoch_offset()
         tick = self._process.reader.tick
         if not tick:
@@ -120,12 +123,12 @@ class _SensorLink:
 
     @property
     def attended(self) -> int:
-        """When the sensor's process last looked for readings [ns]."""
+        """Time [ns] at which the sensor's process last looked for readings."""
         return self._child.ring.last_beat() + epoch_offset()
 
     @property
     def health(self) -> Mapping[str, Any]:
-        """What was seen of the sensor, its line and its clock."""
-        words = zip(self._process.reader.counters, self._child.ring.head[WORDS:].tolist())
+        """Health of the sensor, its line and its clock."""
+        line_counts = zip(self._process.reader.counters, self._child.ring.head[WORDS:].tolist())
         drift = {"clock_wander": self._clock.wander, "clock_deviation": self._clock.deviation}
-        return {**self._ready, **self._counts, **dict(words), **(drift if self._process.reader.tick else {})}
+        return {**self._ready, **self._counts, **dict(line_counts), **(drift if self._process.reader.tick else {})}

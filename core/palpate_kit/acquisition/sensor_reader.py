@@ -1,4 +1,4 @@
-"""What the driver of a sensor consists of: how its line is opened, and how its bytes become readings."""
+"""Driver of a sensor: it opens the line, and makes readings of bytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from palpate import DeviceError
 
-_MOST = 4096  # bytes; a terminal hands out no more at a time, and room for more would leave holes in the heap
+_MAX_BYTES = 4096  # at once; a terminal hands out no more at a time, and room for more would leave holes in the heap
 
 
 class Reading(NamedTuple):
@@ -35,7 +35,7 @@ class SensorReader(ABC):
         """Return the line, which has `fileno` and `close`; raises DeviceError or OSError."""
 
     def start(self, line: Any) -> Mapping[str, Any]:
-        """Make the sensor send; what is known of it by name, for the result. Raises DeviceError or OSError."""
+        """Make the sensor send; return what is known of it by name, for the result. Raises DeviceError or OSError."""
         return {}
 
     @abstractmethod
@@ -48,7 +48,7 @@ class SensorReader(ABC):
 
 def received(line: Any) -> bytes:
     """Return the bytes that have arrived at a port; raises DeviceError where it was closed from the other side."""
-    data = os.read(line.fileno(), _MOST)  # `in_waiting` never says more than 4095, and needs a call more
+    data = os.read(line.fileno(), _MAX_BYTES)  # `in_waiting` never says more than 4095, and needs a call more
     if not data:
         raise DeviceError("the sensor is disconnected (its port was closed)")
     return data

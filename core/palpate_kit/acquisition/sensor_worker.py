@@ -19,12 +19,15 @@ from palpate_kit.acquisition.ring import WORDS, Ring
 from palpate_kit.acquisition.sensor_reader import SensorReader
 
 MODULE = "palpate_kit.acquisition.sensor_worker"
-_IDLE = 0.02  # [s]
+_PRIORITY = 40  # of real-time scheduling, of 99
+_SECOND, _MILLISECOND = 1e9, 1e6  # [ns]
+_STAMPS = 2  # columns before the values: times of arrival and of the sensor
+_IDLE = 0.02  # [s] without readings, after which the process shows that it is alive
 
 
 def main(arguments: Sequence[str]) -> None:
     """Read until the parent goes, the sensor goes, or it falls silent."""
-    task, scheduling = json.loads(arguments[2]), host().enter(40)
+    task, scheduling = json.loads(arguments[2]), host().enter(_PRIORITY)
     with Parent(int(arguments[0])) as parent:
         try:
             reader: SensorReader = class_at(task["reader"])(task["settings"])
@@ -42,6 +45,7 @@ def _place(error: Exception) -> str:
 
 
 def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, scheduling: str) -> None:
+    """Open the line, start the sensor and read it, and close the line however that ends; raises DeviceError."""
     line, problem = None, "cannot be reached"
     try:
         line = reader.open()
@@ -60,25 +64,29 @@ def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, sch
 
 
 def _read(line: Any, ring: Ring, parent: Parent, reader: SensorReader, silence: float) -> None:
-    number, last = line.fileno(), clock().now_ns()
+    """Write the readings of a line into the ring until the parent goes or says so.
+
+    Raises DeviceError where the sensor falls silent, or a reading has another number of values than its streams.
+    """
+    descriptor, last = line.fileno(), clock().now_ns()
     while not parent.gone:
-        ready = clock().wait([number, parent], _IDLE)
+        ready = clock().wait([descriptor, parent], _IDLE)
         now = clock().now_ns()
         ring.beat(now)
-        if number in ready:
+        if descriptor in ready:
             for values, stamp in reader.read(line):
-                if len(values) != ring.columns - 2:
+                if len(values) != ring.columns - _STAMPS:
                     raise DeviceError(
-                        f"its reader's `read` gives {len(values)} values in a reading; expected {ring.columns - 2}, as "
-                        "many as its streams have channels"
+                        f"its reader's `read` gives {len(values)} values in a reading; expected "
+                        f"{ring.columns - _STAMPS}, as many as its streams have channels"
                     )
                 ring.write((now, stamp), values)
                 last = now
-            for word, count in enumerate(reader.counts.values(), WORDS):
-                ring.head[word] = count
-        if (now - last) / 1e9 > silence:
+            for place, count in enumerate(reader.counts.values(), WORDS):
+                ring.head[place] = count
+        if (now - last) / _SECOND > silence:
             late = clock().late_computer()
-            raise DeviceError(f"the sensor is silent: no valid reading for {(now - last) / 1e6:.0f} ms{late}")
+            raise DeviceError(f"the sensor is silent: no valid reading for {(now - last) / _MILLISECOND:.0f} ms{late}")
         if any(message["say"] == "close" for message in parent.messages()):
             return
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
 import traceback
@@ -50,7 +51,7 @@ class SimulatedProcess:
         except _ProcessExitError as end:
             code = end.code
         except EndOfThread:
-            code = -9
+            code = -signal.SIGKILL
             raise
         except Exception:
             traceback.print_exc(file=sys.stderr)
@@ -94,60 +95,60 @@ class SimulatedComputer:
         )
 
     def activity(self, process: Process) -> Activity | None:
-        """It waits for a core where the computer holds it up, and sleeps otherwise."""
+        """Return that it waits for a core where the computer holds it up, and sleeps otherwise."""
         assert isinstance(process, SimulatedProcess)
         return Activity("R" if self._clock.is_held_up(process.name) else "S", 0.0)
 
     def end_of(self, role: str) -> Callable[[], None] | None:
-        """What becomes of the connections of a process at its end."""
+        """Return a function for the end of a process, for its connections; None without one."""
         return None
 
     def enter(self, priority: int) -> str:
-        """Nothing competes for a core."""
+        """Return the scheduling: nothing competes for a core."""
         return "simulated time"
 
     def run_without_collection(self) -> None:
-        """What is collected takes no simulated time."""
+        """Do nothing: collecting takes no simulated time."""
 
     def leave(self, code: int) -> NoReturn:
         """End the process that the calling thread belongs to."""
         raise _ProcessExitError(code)
 
     def reserve(self, device: str) -> None:
-        """No other program can reach the twin."""
+        """Do nothing: no other program can reach the twin."""
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """It has none."""
+        """Raise DeviceError: it has no port."""
         raise DeviceError(f"{path} cannot be opened: no port in simulated time")
 
     def datagrams(self, address: str, port: int) -> Any:
-        """It has no network."""
+        """Raise DeviceError: it has no network."""
         raise DeviceError(f"{address} cannot be reached: no network in simulated time")
 
     def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
-        """That of its maker, which has to use `palpate.clock()`."""
+        """Return the driver of its maker, which has to use `palpate.clock()`."""
         return make(settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
-        """It has no network."""
+        """Raise DeviceError: it has no network."""
         raise DeviceError(f"{address}: no network in simulated time")
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
-        """It has no network."""
+        """Raise RuntimeError: it has no network."""
         raise RuntimeError("no network in simulated time")
 
     def robot_commands(self, address: str) -> Any:
-        """It has no network."""
+        """Raise RuntimeError: it has no network."""
         raise RuntimeError("no network in simulated time")
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
-        """It has no network."""
+        """Raise RuntimeError: it has no network."""
         raise RuntimeError("no network in simulated time")
 
 
 @contextmanager
 def simulated_time(hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedClock]:
-    """Simulated time in this process, for devices that need nothing outside of it, such as an arm in software."""
+    """Yield simulated time in this process, for devices that need nothing outside of it, such as an arm in software."""
     clock = SimulatedClock(hold_ups)
     with clock.running(), use_host(SimulatedComputer(clock)):
         yield clock

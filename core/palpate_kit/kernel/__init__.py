@@ -33,7 +33,8 @@ class Kernel(Protocol):
     name: str
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
-        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw); the same bits however they are cut."""
+        """Return the state (ns,) after, and outputs (n, ny) of, the samples (n, nw); the same bits however they are
+        cut."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Which kernel steps are run by."""
+"""Choice of the kernel by which steps are run."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ VARIABLE = "PALPATE_KERNEL"
 
 
 def kernel_choice() -> tuple[str, str]:
-    """Which kernel steps are run by, "llvm" or "vm", and why."""
-    wanted = os.environ.get(VARIABLE, "auto")
-    if wanted not in ("auto", "llvm", "vm"):
-        raise ConfigurationError(f'environment variable {VARIABLE}: {wanted!r} is not one of "auto", "llvm", "vm"')
-    found = _llvmlite()
-    if found is None:
-        if wanted == "llvm":
+    """Return the kernel by which steps are run, "llvm" or "vm", and why; raises ConfigurationError for one that cannot
+    be."""
+    requested = os.environ.get(VARIABLE, "auto")
+    if requested not in ("auto", "llvm", "vm"):
+        raise ConfigurationError(f'environment variable {VARIABLE}: {requested!r} is not one of "auto", "llvm", "vm"')
+    installed = _llvmlite()
+    if installed is None:
+        if requested == "llvm":
             raise ConfigurationError(f'{VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"')
         return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
-    if wanted == "vm":
+    if requested == "vm":
         return "vm", f"{VARIABLE}=vm asks for it"
-    return "llvm", f"llvmlite {found} is installed"
+    return "llvm", f"llvmlite {installed} is installed"
 
 
 @cache

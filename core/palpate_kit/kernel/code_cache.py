@@ -16,12 +16,13 @@ from hashlib import sha256
 from pathlib import Path
 
 _VARIABLE = "PALPATE_CACHE"
-_MOST = 512  # files; the oldest go
+_MAX_FILES = 512  # the oldest go: a choice
 _SUM = sha256().digest_size
+_PRIVATE, _OTHERS = 0o700, 0o077  # permissions of a folder of the user alone; those of all others
 
 
 def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
-    """Code that follows from its causes: read where it is kept, else made, and kept where that can be."""
+    """Return code that follows from its causes: read where it is kept, else made, and kept where that can be."""
     folder = _folder()
     if folder is None:
         return make()
@@ -34,26 +35,30 @@ def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
 
 def _folder() -> Path | None:
     """Return the user's own folder, closed to others; None without one, or with ``PALPATE_CACHE=off``."""
-    wanted = os.environ.get(_VARIABLE)
-    if wanted == "off":
+    requested = os.environ.get(_VARIABLE)
+    if requested == "off":
         return None
     try:
-        base = Path(wanted) if wanted else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "palpate"
+        base = (
+            Path(requested)
+            if requested
+            else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "palpate"
+        )
         folder = base / "kernels"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.lstat()
+        folder.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
+        status = folder.lstat()
     except (OSError, RuntimeError):  # a disk that cannot be written to; no home
         return None
-    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o077
-    return folder if own else None
+    is_private = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & _OTHERS
+    return folder if is_private else None
 
 
 def _read(file: Path) -> bytes | None:
     """Return the code of a file; None if it is missing, another user's, a link, or not what was written."""
     try:
         with open(os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as opened:
-            found = os.fstat(opened.fileno())
-            if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+            status = os.fstat(opened.fileno())
+            if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & _OTHERS:
                 return None
             stated, code = opened.read(_SUM), opened.read()
     except OSError:
@@ -64,14 +69,14 @@ def _read(file: Path) -> bytes | None:
 def _write(file: Path, code: bytes) -> None:
     """Keep code, whole or not at all."""
     with contextlib.suppress(OSError):  # a full disk
-        handle, beside = tempfile.mkstemp(dir=file.parent)  # 0600
+        handle, partial = tempfile.mkstemp(dir=file.parent)  # 0600
         try:
             with open(handle, "wb") as opened:
                 opened.write(sha256(code).digest() + code)
-            os.replace(beside, file)
+            os.replace(partial, file)
         except OSError:
-            os.unlink(beside)
+            os.unlink(partial)
             raise
         files = sorted(file.parent.iterdir(), key=lambda path: path.lstat().st_mtime)
-        for old in files[:-_MOST]:
+        for old in files[:-_MAX_FILES]:
             old.unlink(missing_ok=True)

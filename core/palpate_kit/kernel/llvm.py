@@ -19,6 +19,7 @@ from palpate import Floats
 from palpate_kit.kernel.code_cache import cached_code
 from palpate_kit.kernel.translation import LIBRARY, Translation
 
+_INPUTS = 3  # of a step: state, sample, settings; its output comes behind them
 _ENGINES: list[Any] = []
 COMPILING = threading.Lock()
 
@@ -33,14 +34,14 @@ class CompiledStep:
         with COMPILING:
             self._scalar, self._single = _compiled(function.serialize())
         # One sample at a time, passing the arrays' addresses takes longest: these stay where they are.
-        widths = [function.numel_in(i) for i in range(3)]
+        widths = [function.numel_in(i) for i in range(_INPUTS)]
         shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
         self._held = [np.zeros(shape) for shape in shapes]
         self._places = np.array([array.ctypes.data for array in self._held], np.uint64)
         self._where: int = self._places.ctypes.data
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
-        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        """Return the state (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
         if len(samples) == 1:
             held_state, held_sample, held_settings, output = self._held
             held_state[...], held_sample[...], held_settings[...] = state, samples, settings
@@ -49,21 +50,24 @@ class CompiledStep:
         arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
         arrays.append(np.empty((len(samples), self.outputs)))
         self._scalar(len(samples), *(array.ctypes.data for array in arrays))
-        return arrays[0], arrays[3]
+        return arrays[0], arrays[_INPUTS]
 
 
 @cache
 def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
-    """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
+    """Return the machine code of a serialised step, over a block and of one sample; one for each step in a process."""
     address = code_addresses("step", text, Translation)
     pointer = ctypes.c_void_p
-    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * (_INPUTS + 1)))
     single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     return block(address("run")), single(address("single"))
 
 
 def code_addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
-    """Where the functions of a serialised function's machine code are, whether it was made now or kept."""
+    """Return a function that says where a function of the machine code is, whether it was made now or kept.
+
+    `text` is the serialised CasADi function, `kind` a word for what is made of it.
+    """
     import llvmlite.binding as binding
 
     machine = _machine()
@@ -74,12 +78,12 @@ def code_addresses(kind: str, text: str, translator: type[Translation]) -> Calla
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _ENGINES.append(engine)  # the code lives as long as its engine
-    found: Callable[[str], int] = engine.get_function_address
-    return found
+    address_of: Callable[[str], int] = engine.get_function_address
+    return address_of
 
 
 def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes:
-    """Machine code of a serialised function, as an object file."""
+    """Return the machine code of a serialised function, as an object file."""
     import casadi
     import llvmlite.binding as binding
 
@@ -92,14 +96,14 @@ def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes
 
 
 def _sources(translator: type[Translation]) -> str:
-    """What stands for the way from a function to its code: this file, and those of the translation."""
-    modules = (sys.modules[kind.__module__] for kind in translator.__mro__ if kind is not object)
+    """Return a hash of the way from a function to its code: this file, and those of the translation."""
+    modules = (sys.modules[base.__module__] for base in translator.__mro__ if base is not object)
     files = (__file__, *(module.__file__ for module in modules))
     return sha256(b"".join(Path(file).read_bytes() for file in files if file)).hexdigest()
 
 
 def _machine() -> Any:
-    """This machine, with all that its processor can do."""
+    """Return this machine, with all that its processor can do."""
     import llvmlite.binding as binding
 
     _library()

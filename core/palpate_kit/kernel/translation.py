@@ -37,6 +37,9 @@ LIBRARY = {
     "OP_ERF": "erf",
     "OP_COPYSIGN": "copysign",
 }
+_POINTERS = 4  # arguments behind the count: state, samples, settings, outputs
+_OUTPUT = 3  # of them
+_BITS, _BYTES = 64, 8  # of a whole number and of a double
 INTRINSICS = {"OP_SQRT": "sqrt", "OP_FABS": "fabs", "OP_FLOOR": "floor", "OP_CEIL": "ceil"}
 COMPARISONS = {"OP_LT": "<", "OP_LE": "<=", "OP_EQ": "=="}
 
@@ -60,25 +63,27 @@ class Translation:
         """Return the LLVM module, with the functions `run` and `single`."""
         ir = self._ir
         self._module = ir.Module(name="step")
-        integer, pointer = ir.IntType(64), self._double.as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [integer, *([pointer] * 4)])
-        run = ir.Function(self._module, kind, name="run")
+        integer, pointer = ir.IntType(_BITS), self._double.as_pointer()
+        signature = ir.FunctionType(ir.VoidType(), [integer, *([pointer] * _POINTERS)])
+        run = ir.Function(self._module, signature, name="run")
         for argument in run.args[1:]:
             argument.add_attribute("noalias")
         count, *self._arrays = run.args
         entry, body, done = (run.append_basic_block(name) for name in ("entry", "body", "done"))
         self._b = ir.IRBuilder(entry)
+        # A loop over the samples, none of which may run: entry, body, done.
         zero, one = integer(0), integer(1)
         self._b.cbranch(self._b.icmp_signed(">", count, zero), body, done)
         self._b.position_at_end(body)
         index = self._b.phi(integer)
         self._sample = self._b.mul(index, integer(self._function.numel_in(1)))
+        # All is computed before the state is overwritten.
         next_state, output = self._instructions()
         for i, value in next_state.items():
             self._store(value, self._arrays[0], integer(i))
         offset = self._b.mul(index, integer(self._function.numel_out(1)))
         for i, value in output.items():
-            self._store(value, self._arrays[3], self._b.add(offset, integer(i)))
+            self._store(value, self._arrays[_OUTPUT], self._b.add(offset, integer(i)))
         index_next = self._b.add(index, one)
         index.add_incoming(zero, entry)
         index.add_incoming(index_next, body)
@@ -89,18 +94,22 @@ class Translation:
         return self._module
 
     def _single(self, run: Any) -> None:
-        """One sample, with all addresses in one array: an argument less to convert is a tenth of a microsecond."""
+        """Add the function of one sample, with all addresses in one array.
+
+        An argument less to convert is a tenth of a microsecond.
+        """
         ir = self._ir
-        place, one = self._double.as_pointer(), ir.IntType(64)(1)
-        kind = ir.FunctionType(ir.VoidType(), [place.as_pointer()])
-        single = ir.Function(self._module, kind, name="single")
+        place, one = self._double.as_pointer(), ir.IntType(_BITS)(1)
+        signature = ir.FunctionType(ir.VoidType(), [place.as_pointer()])
+        single = ir.Function(self._module, signature, name="single")
         b = ir.IRBuilder(single.append_basic_block("entry"))
-        places = [b.load(b.gep(single.args[0], [ir.IntType(64)(i)])) for i in range(4)]
+        places = [b.load(b.gep(single.args[0], [ir.IntType(_BITS)(i)])) for i in range(_POINTERS)]
         b.call(run, [one, *places])
         b.ret_void()
 
     def _instructions(self) -> tuple[dict[int, Any], dict[int, Any]]:
-        """Values of next state and output, by their place; every input is read before anything is written."""
+        """Return the values of next state and output, by their place; every input is read before anything is
+        written."""
         f, values = self._function, {}
         results: tuple[dict[int, Any], dict[int, Any]] = ({}, {})
         for k in range(f.n_instructions()):
@@ -114,24 +123,25 @@ class Translation:
                 results[targets[0]][targets[1]] = values[arguments[0]]
             else:
                 values[targets[0]] = self._operation(name, [values[i] for i in arguments])
-        for which, found in enumerate(results):
+        for which, values_of_output in enumerate(results):
             for i in range(f.numel_out(which)):
-                found.setdefault(i, self._constant(0.0))
+                values_of_output.setdefault(i, self._constant(0.0))
         return results
 
     def _constant(self, value: float) -> Any:
         return self._ir.Constant(self._double, value)
 
     def _store(self, value: Any, array: Any, place: Any) -> None:
-        self._b.store(value, self._b.gep(array, [place]), align=8)
+        self._b.store(value, self._b.gep(array, [place]), align=_BYTES)
 
     def _input(self, which: int, place: int) -> Any:
-        start = self._ir.IntType(64)(place)
+        start = self._ir.IntType(_BITS)(place)
         if which == 1:
             start = self._b.add(self._sample, start)
-        return self._b.load(self._b.gep(self._arrays[which], [start]), align=8)
+        return self._b.load(self._b.gep(self._arrays[which], [start]), align=_BYTES)
 
     def _operation(self, name: str, x: list[Any]) -> Any:
+        """Return the value of one instruction with its arguments; raises Untranslatable for one that is not known."""
         b, one, zero = self._b, self._constant(1.0), self._constant(0.0)
         simple: dict[str, Callable[[], Any]] = {
             "OP_ADD": lambda: b.fadd(*x),
@@ -165,20 +175,23 @@ class Translation:
     def _intrinsic(self, name: str) -> Any:
         full = f"llvm.{name}.f64"
         if full not in self._declared:
-            kind = self._ir.FunctionType(self._double, [self._double])
-            self._declared[full] = self._ir.Function(self._module, kind, name=full)
+            signature = self._ir.FunctionType(self._double, [self._double])
+            self._declared[full] = self._ir.Function(self._module, signature, name=full)
         return self._declared[full]
 
     def _true(self, value: Any) -> Any:
+        """Return True if a number is not 0; NaN counts as true."""
         return self._b.fcmp_unordered("!=", value, self._constant(0.0))
 
     def _sign(self, value: Any) -> Any:
+        """Return 1, -1, or the argument itself where it is 0 or NaN."""
         b, zero = self._b, self._constant(0.0)
         positive = b.select(b.fcmp_ordered(">", value, zero), self._constant(1.0), value)
         return b.select(b.fcmp_ordered("<", value, zero), self._constant(-1.0), positive)
 
     def _extreme(self, order: str, x: list[Any]) -> Any:
-        """fmax and fmin as CasADi evaluates them: the first of two equals, and the number where the other is NaN."""
+        """Return fmax or fmin as CasADi evaluates them: the first of two equals, and the number where the other
+        is NaN."""
         b = self._b
         chosen = b.select(b.fcmp_ordered(order, x[0], x[1]), x[1], x[0])
         return b.select(b.fcmp_unordered("uno", x[0], x[0]), x[1], chosen)
@@ -186,14 +199,14 @@ class Translation:
     def _call(self, name: str, x: list[Any]) -> Any:
         ir, b = self._ir, self._b
         if name not in self._declared:
-            kind = ir.FunctionType(self._double, [self._double] * len(x))
-            self._declared[name] = ir.Function(self._module, kind, name=f"palpate_{name}")
+            signature = ir.FunctionType(self._double, [self._double] * len(x))
+            self._declared[name] = ir.Function(self._module, signature, name=f"palpate_{name}")
         return b.call(self._declared[name], x)
 
 
 @cache
 def operations() -> dict[int, str]:
-    """Names of CasADi's instructions, by their number."""
+    """Return the names of CasADi's instructions, by their number."""
     import casadi
 
     return {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}

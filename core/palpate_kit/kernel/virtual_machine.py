@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-_BLOCK = 1000  # samples in one call; longer ones take seconds to build
+_BLOCK = 1000  # samples in one call: a choice; longer ones take seconds to build
+_INPUTS = 3  # of a step: state, sample, settings
 _MANY = 150  # samples from which on a block that is not full is faster than so many calls
 
 
@@ -21,18 +22,18 @@ class VirtualMachine:
         self._block: _Call | None = None
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
-        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        """Return the state (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
         outputs = np.empty((len(samples), self._single.outputs))
-        whole = len(samples) // _BLOCK * _BLOCK
-        if len(samples) - whole >= _MANY:
-            whole = len(samples)
-        if whole and self._block is None:
+        by_block = len(samples) // _BLOCK * _BLOCK
+        if len(samples) - by_block >= _MANY:
+            by_block = len(samples)
+        if by_block and self._block is None:
             self._block = _Call(self._single.function, _BLOCK)
-        for start in range(0, whole, _BLOCK):
+        for start in range(0, by_block, _BLOCK):
             assert self._block is not None
-            stop = min(start + _BLOCK, whole)
+            stop = min(start + _BLOCK, by_block)
             state = self._block(state, samples[start:stop], settings, outputs[start:stop])
-        for i in range(whole, len(samples)):
+        for i in range(by_block, len(samples)):
             state = self._single(state, samples[i : i + 1], settings, outputs[i : i + 1])
         return state, outputs
 
@@ -42,7 +43,7 @@ class _Call:
 
     def __init__(self, step: Any, length: int) -> None:
         self.function = step
-        states, width, settings = (step.size1_in(i) for i in range(3))
+        states, width, settings = (step.size1_in(i) for i in range(_INPUTS))
         self.outputs = step.size1_out(1)
         self._state = np.zeros(states)
         self._samples = np.zeros((length, width))

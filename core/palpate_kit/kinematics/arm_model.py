@@ -17,6 +17,9 @@ _MIN_JOINTS = 6  # that hold a tool at any place in any orientation
 _FULL_TURN = 2.0 * math.pi
 _MAX_STEP = 0.5  # [rad] of the fastest joint in one step of Newton's method (choice)
 _MIN_STEP = 1e-12  # [rad] in a quotient, in place of 0
+_NUMBERS = 12  # of a transform: a rotation, row by row, and a translation
+_TWIST = 6  # numbers of a velocity and an angular velocity
+_MAX_STEPS, _TOLERANCE = 30, 1e-10  # of Newton's method; [m] and [rad] (choice)
 _ANGLE_DIGITS = 15  # of a cosine, to which a quarter turn is exact
 Transform = tuple[float, ...]
 """A rotation (3, 3), row by row, and a translation (3,) [m]: twelve numbers."""
@@ -48,7 +51,7 @@ class ArmModel(Settings):
     """
 
     name: str = Field(min_length=1, description="of the arm")
-    base: Transform = Field(min_length=12, max_length=12, description="first joint in the base")
+    base: Transform = Field(min_length=_NUMBERS, max_length=_NUMBERS, description="first joint in the base")
     links: tuple[Transform, ...] = Field(description="next joint, or the flange, in the frame that a joint turns")
     joints: tuple[str, ...] = Field(min_length=_MIN_JOINTS, description="names of the joints, from the base on")
     low: tuple[Angle, ...] = Field(description="least angle of each joint")
@@ -67,7 +70,7 @@ class ArmModel(Settings):
         count = len(self.joints)
         if any(len(numbers) != count for numbers in (self.links, self.low, self.high, self.speed)):
             raise ValueError("links, low, high and speed have one entry for each joint")
-        if any(len(link) != 12 for link in self.links):
+        if any(len(link) != _NUMBERS for link in self.links):
             raise ValueError("a link is a rotation, row by row, and a translation: twelve numbers")
         for name, low, high, speed in zip(self.joints, self.low, self.high, self.speed, strict=True):
             if not (low < high and 0.0 < speed < math.inf and math.isfinite(high - low)):
@@ -150,7 +153,7 @@ class ArmModel(Settings):
         return *tip_of(end, axes, tcp), np.concatenate([axes[2:, 0], end[None, :3, 3]])
 
     def joints_at(
-        self, pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10
+        self, pose: Floats, tcp: Floats, near: Floats, steps: int = _MAX_STEPS, tolerance: float = _TOLERANCE
     ) -> Floats | None:
         """Return the joint angles (n,) that put the tool centre point at a pose (4, 4); None where it cannot.
 
@@ -211,7 +214,7 @@ def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
     """
     pose = end @ tcp
     arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]
-    jacobian = np.empty((6, len(axes)))
+    jacobian = np.empty((_TWIST, len(axes)))
     # The cross product.
     jacobian[0] = axis[:, 1] * arm[:, 2] - axis[:, 2] * arm[:, 1]
     jacobian[1] = axis[:, 2] * arm[:, 0] - axis[:, 0] * arm[:, 2]
@@ -222,14 +225,14 @@ def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
 
 def solve(jacobian: Floats, twist: Floats) -> Floats:
     """Return joint speeds (n,) for a twist (6,), the smallest where there are many; raises numpy's LinAlgError."""
-    if jacobian.shape[1] == 6:
+    if jacobian.shape[1] == _TWIST:
         return np.asarray(np.linalg.solve(jacobian, twist), np.float64)
     return np.asarray(inverse_of(jacobian) @ twist, np.float64)
 
 
 def inverse_of(jacobian: Floats) -> Floats:
     """Return the inverse (n, 6) of a Jacobian (6, n), that of the smallest speeds; raises numpy's LinAlgError."""
-    if jacobian.shape[1] == 6:
+    if jacobian.shape[1] == _TWIST:
         return np.asarray(np.linalg.inv(jacobian), np.float64)
     return np.asarray(jacobian.T @ np.linalg.inv(jacobian @ jacobian.T), np.float64)
 

@@ -12,7 +12,7 @@ from palpate import ConfigurationError, Floats
 from palpate_kit.kinematics.arm_model import ArmModel, numbers_of
 from palpate_kit.kinematics.rotations import rotation_matrix, shortest_turn
 
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # of a direction of length 1, across z
 _ENDLESS = 1e4  # [rad] to both sides, of a joint that turns round and round
 
 
@@ -26,14 +26,15 @@ def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
     chain = _chain(robot, path, base, flange)
     turning = [joint for joint in chain if joint.type != "fixed"]
     limits = [_limits(joint, path) for joint in turning]
-    before, links = np.eye(4), list[Floats]()
+    to_next_axis, links = np.eye(4), list[Floats]()
+    # A link of the model is all from one turning axis to the next; fixed joints are part of it.
     for joint in chain:
-        before = before @ (np.eye(4) if joint.origin is None else np.asarray(joint.origin, float))
+        to_next_axis = to_next_axis @ (np.eye(4) if joint.origin is None else np.asarray(joint.origin, float))
         if joint.type != "fixed":
             axis = _axis(joint)
-            links.append(before @ axis)
-            before = axis.T
-    links.append(before)
+            links.append(to_next_axis @ axis)
+            to_next_axis = axis.T
+    links.append(to_next_axis)
     low, high, speed = zip(*limits, strict=True) if limits else ((), (), ())
     return ArmModel(
         name=str(robot.name or path.stem),
@@ -47,6 +48,7 @@ def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
 
 
 def _robot(path: Path) -> Any:
+    """Return the robot of a URDF file; raises ConfigurationError where it cannot be read."""
     try:
         import yourdfpy
     except ImportError as error:
@@ -59,7 +61,7 @@ def _robot(path: Path) -> Any:
 
 
 def _chain(robot: Any, path: Path, base: str, flange: str) -> list[Any]:
-    """Joints from one link to another."""
+    """Return the joints from one link to another; raises ConfigurationError where they are not a chain that turns."""
     leading = {joint.child: joint for joint in robot.joints}
     chain, link = list[Any](), flange
     while link != base:
@@ -76,13 +78,13 @@ def _chain(robot: Any, path: Path, base: str, flange: str) -> list[Any]:
 
 
 def _limits(joint: Any, path: Path) -> tuple[float, float, float]:
-    """Ends [rad] and speed [rad/s] of a joint."""
-    found = joint.limit
-    ends = (None, None) if found is None else (found.lower, found.upper)
+    """Return the ends [rad] and the speed [rad/s] of a joint; raises ConfigurationError where they are not stated."""
+    limit = joint.limit
+    ends = (None, None) if limit is None else (limit.lower, limit.upper)
     if joint.type == "continuous":
         ends = -_ENDLESS, _ENDLESS
-    given = (*ends, None if found is None else found.velocity)
-    lower, upper, speed = (math.nan if number is None else float(number) for number in given)
+    numbers = (*ends, None if limit is None else limit.velocity)
+    lower, upper, speed = (math.nan if number is None else float(number) for number in numbers)
     if not (lower < upper and speed > 0.0 and math.isfinite(upper - lower + speed)):
         raise ConfigurationError(f"{path}: joint {joint.name!r} has no limits: lower, upper and velocity are needed")
     return lower, upper, speed

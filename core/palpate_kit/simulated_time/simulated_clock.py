@@ -18,9 +18,12 @@ from palpate_kit.simulated_time.simulated_turns import Actor, Turns
 _EPOCH = 946_684_800_000_000_000  # [ns]; 2000-01-01, which nobody takes for the time of a measurement
 
 
+_SECOND = 1e9  # [ns]
+
+
 def _nanoseconds(duration: float) -> int:
     """Return a duration [s] in [ns], rounded up: a loop that waits for what is left must get there."""
-    return max(math.ceil(duration * 1e9), 0)
+    return max(math.ceil(duration * _SECOND), 0)
 
 
 class SimulatedClock(Clock):
@@ -39,23 +42,23 @@ class SimulatedClock(Clock):
     # What `palpate.Clock` asks for.
 
     def now_ns(self) -> int:
-        """Simulated time [ns]."""
+        """Return the simulated time [ns]."""
         return self._turns.now
 
     def now(self) -> float:
-        """Simulated time [s]."""
-        return self._turns.now / 1e9
+        """Return the simulated time [s]."""
+        return self._turns.now / _SECOND
 
     def epoch_ns(self) -> int:
-        """Simulated time since 1970 [ns]; the simulation begins with the year 2000."""
+        """Return the simulated time since 1970 [ns]; the simulation begins with the year 2000."""
         return _EPOCH + self._turns.now
 
     def processor_time(self) -> float:
-        """Nothing: what is computed takes no simulated time."""
+        """Return 0: what is computed takes no simulated time."""
         return 0.0
 
     def contention(self) -> str | None:
-        """What the computer has kept waiting lately."""
+        """Return what the computer has kept waiting lately; None without that."""
         names = ", ".join(self._turns.held_up_lately())
         return f"it kept waiting: {names}" if names else None
 
@@ -68,7 +71,7 @@ class SimulatedClock(Clock):
         self.wait_until(self._turns.now + _nanoseconds(duration))
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
-        """Those of some open files that can be read; see `palpate.Clock`."""
+        """Return the open files that can be read, waiting for up to `timeout` [s] for one; see `palpate.Clock`."""
         me, poll = self._turns.me(), select.poll()
         by_number = {entry if isinstance(entry, int) else entry.fileno(): entry for entry in readable}
         for number in by_number:
@@ -94,7 +97,7 @@ class SimulatedClock(Clock):
 
     @contextmanager
     def running(self, process: str = "main") -> Iterator[None]:
-        """The calling thread takes part, and the whole process uses this clock; at the end all other threads end."""
+        """Let the calling thread take part, and the whole process use this clock; at the end all other threads end."""
         self._turns.begin(process)
         try:
             with use_clock(self):
@@ -181,7 +184,7 @@ class _SimulatedEvent:
         return self._raised
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Let others run until it is raised, for up to `timeout` [s]; whether it is."""
+        """Let others run until it is raised, for up to `timeout` [s]; return True if it is."""
         turns = self._turns
         until = None if timeout is None else turns.now + _nanoseconds(timeout)
         while not self._raised and (until is None or turns.now < until):

@@ -16,6 +16,7 @@ from typing import Any
 from palpate import HoldUp
 
 BEGIN = 1_000_000_000  # [ns]; a monotonic time of 0 would be mistaken for none
+_SECOND = 1e9  # [ns]
 _LATELY, _LOOK = 1_000_000_000, 1_000_000  # [ns] before now, and between instants that are looked at
 
 
@@ -42,7 +43,7 @@ class Actor:
 
 
 class Turns:
-    """Whose turn it is, and what time."""
+    """Order of the actors, and the time."""
 
     def __init__(self, hold_ups: Sequence[HoldUp]) -> None:
         self.now = BEGIN  # [ns]
@@ -144,23 +145,29 @@ class Turns:
         following.turn.release()
 
     def _next(self) -> Actor:
-        """Whose turn it is; the time goes on to it."""
+        """Return the actor whose turn it is; the time goes on to it.
+
+        Where all wait for each other the main actor gets the turn, with an error.
+        """
         assert self._main is not None
         while True:
             while self._outside:
                 self._outside.popleft()()
+            # Files that can be read by now wake the actors that wait for them.
             for actor in self._watching:
                 if not actor.roused and actor.watched.poll(0):
                     actor.roused = True
                     self.wake(actor)
             if not self._agenda:
                 waiting = ", ".join(sorted(f"{a.process}: {a.name}" for a in self.actors.values()))
-                self._deadlock = f"at {self.now / 1e9:.6f} s each of these waits for another: {waiting}"
+                self._deadlock = f"at {self.now / _SECOND:.6f} s each of these waits for another: {waiting}"
                 return self._main
+            # An entry for a wait that has ended otherwise is void.
             instant, _, actor, number = heapq.heappop(self._agenda)
             if actor.ended or number != actor.waits:
                 continue
             instant = max(instant, self.now)
+            # A process that is held up is due again when that ends.
             free = self._free(actor.process, instant)
             if free > instant:
                 self._order += 1
@@ -171,7 +178,7 @@ class Turns:
             return actor
 
     def _free(self, process: str, instant: int) -> int:
-        """When [ns] the computer lets a process run that is due at an instant [ns]."""
+        """Return when [ns] the computer lets a process run that is due at an instant [ns]."""
         for hold_up in self._hold_ups:
             if process.partition(" ")[0] == hold_up.process:
                 instant = BEGIN + hold_up.until(instant - BEGIN)
@@ -183,6 +190,6 @@ class Turns:
 
     def held_up_lately(self) -> list[str]:
         """Return the processes that the computer has kept waiting since a second before now."""
-        seen = range(max(self.now - _LATELY, BEGIN), self.now + 1, _LOOK)
+        instants = range(max(self.now - _LATELY, BEGIN), self.now + 1, _LOOK)
         names = dict.fromkeys(hold_up.process for hold_up in self._hold_ups)
-        return [name for name in names if any(self._free(name, instant) > instant for instant in seen)]
+        return [name for name in names if any(self._free(name, instant) > instant for instant in instants)]
