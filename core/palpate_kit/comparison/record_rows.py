@@ -27,7 +27,7 @@ from palpate_kit.terminal.result_table import chief_names
 
 Row = dict[str, Any]
 VALUES, PREDICTION = "values", "prediction"  # of a scene: what its tracks are compared by
-_SWEEP = 2e-3  # [m] between places, from which on a truth is that of each place, as that of a run
+_SWEEP = 2e-3  # [m] between places, from which on a truth is that of each place, as that of a run: a choice
 
 
 @runtime_checkable
@@ -52,6 +52,7 @@ def record_rows(pipeline: Pipeline, record: int, measure: str = VALUES) -> list[
         outcome = RecordTracks(bare, compares=True).estimate()
     except UserError:
         refused = dict(_refusals(bare))
+        # Tracks that cannot start have a row with the reason; the others are estimated.
         startable = tuple(track for track in bare.tracks if str(track.name) not in refused)
         if not refused:
             raise
@@ -115,6 +116,7 @@ def _errors(
             continue
         if along is None:
             errors[value_name] |= _error_of(np.array([value.value]), np.array([value.combined]), truth[value_name])
+        # Along a sweep each sample has a truth of its own; derived values have no estimates by sample.
         elif place < len(model.parameters):
             estimates = outcome.estimates[name]
             errors[value_name] |= _error_along(outcome.samples, estimates, place, along[value_name])

@@ -19,13 +19,14 @@ from palpate_kit.jobs.workers import GO_ON, Watch, demand_alike, provenance
 
 _AHEAD = 2  # jobs that a worker holds, so that it never waits for the scheduler
 Task = TypeVar("Task")
-_PATIENCE = "10s"  # for a scheduler to answer
-_LOOK = 0.01  # [s] between looks at what is done
+_PATIENCE = "10s"  # for a scheduler to answer: a choice
+_LOOK = 0.01  # [s] between looks at what is done: a choice
 _GATHER = 120.0  # [s] for a result to come here from its worker; then it is asked for again
 
 
 def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
-    """The engine of a scheduler at an address such as ``tcp://10.0.0.5:8786``, for jobs whose runs go into a folder.
+    """Return the engine of a scheduler at an address such as ``tcp://10.0.0.5:8786``, for jobs whose runs go into a
+    folder.
 
     The folder is one that all workers see, or, with a `stage`, inputs and runs pass through that place. Where a worker
     is killed its jobs go to others, and one that has killed three is given up. Raises ConfigurationError where nobody
@@ -34,20 +35,22 @@ def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
 
     def engine(jobs: Sequence[Job]) -> Generator[tuple[Job, Outcome]]:
         with connect_scheduler(address, folder, shared=stage is None) as client:
-            everywhere = {job.name: job.placed() for job in jobs}
-            done = _spread(client, everywhere, stage)
-            with closing(done):
-                for name, outcome in done:
-                    yield everywhere[name], outcome
+            placed_jobs = {job.name: job.placed() for job in jobs}
+            outcomes = _spread(client, placed_jobs, stage)
+            with closing(outcomes):
+                for name, outcome in outcomes:
+                    yield placed_jobs[name], outcome
 
     return engine
 
 
 def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[tuple[str, Outcome]]:
-    """What workers make of jobs, by their names; run folders are here then."""
+    """Yield what workers make of jobs, by their names; run folders are here then."""
     parcels = (Parcel.of(job) for job in jobs.values())
     if url is None:
-        yield from ((parcel.name, _told(outcome)) for parcel, outcome in spread(client, run_parcel, parcels))
+        yield from (
+            (parcel.name, _outcome_of_answer(outcome)) for parcel, outcome in spread(client, run_parcel, parcels)
+        )
         return
     from palpate_kit.jobs.staging import Stage, StagedJob, brought, run_staged
 
@@ -56,11 +59,11 @@ def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[
     done = spread(client, run_staged, (StagedJob(parcel, stage, inputs) for parcel in parcels))
     with closing(done):
         for staged, outcome in done:
-            yield staged.name, brought(jobs[staged.name], stage, _told(outcome))
+            yield staged.name, brought(jobs[staged.name], stage, _outcome_of_answer(outcome))
 
 
-def _told(outcome: Any) -> Outcome:
-    """What came back from a worker; anything but an answer to its task is the reason that none came."""
+def _outcome_of_answer(outcome: Any) -> Outcome:
+    """Return what came back from a worker; anything but an answer to its task is the reason that none came."""
     return outcome if isinstance(outcome, Outcome) else UserError(loss_reason(outcome))
 
 
@@ -75,7 +78,7 @@ def _distributed() -> Any:
 
 @contextmanager
 def connect_scheduler(address: str, folder: Path, shared: bool = True) -> Iterator[Any]:
-    """A client of a scheduler whose workers are as here and see the folder, where it is to be shared."""
+    """Yield a client of a scheduler whose workers are as here and see the folder, where it is to be shared."""
     try:
         client = _distributed().Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
@@ -89,11 +92,11 @@ def connect_scheduler(address: str, folder: Path, shared: bool = True) -> Iterat
 
 
 def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Generator[tuple[Task, Any]]:
-    """What a function makes of every task, in any order; an exception where it raised, or where its workers died.
+    """Yield what a function makes of every task, in any order; an exception where it raised, or where its workers died.
 
     Raises UserError where nobody has worked for five minutes, and where a worker has come that is not as here.
     """
-    left = iter(tasks)
+    waiting = iter(tasks)
     running: dict[str, Task] = {}
     watch = Watch(client)
 
@@ -105,7 +108,7 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) 
     completed = _distributed().as_completed(loop=client.loop)
     try:
         while True:
-            for task in islice(left, max(_AHEAD * max(len(watch.workers), 1) - len(running), 0)):
+            for task in islice(waiting, max(_AHEAD * max(len(watch.workers), 1) - len(running), 0)):
                 completed.add(submitted(task))
             if not running:
                 watch.look(at_once=True)  # whoever came last may have worked before the next look
@@ -149,10 +152,10 @@ def _demand_shared(client: Any, folder: Path) -> None:
     token = folder / f".{uuid.uuid4().hex}"
     token.touch()
     try:
-        seen: Mapping[str, bool] = client.run(_sees, str(token))
+        sees_by_worker: Mapping[str, bool] = client.run(_sees, str(token))
     finally:
         token.unlink()
-    for worker, sees in seen.items():
+    for worker, sees in sees_by_worker.items():
         if not sees:
             raise ConfigurationError(
                 f"{folder}: worker {worker} does not see this folder: give --out a path that all machines share, "
@@ -161,6 +164,7 @@ def _demand_shared(client: Any, folder: Path) -> None:
 
 
 def _sees(path: str) -> bool:
+    """Return True if a worker sees a path; it runs there."""
     return Path(path).exists()
 
 

@@ -12,11 +12,11 @@ from palpate import UserError
 from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, run_parcel
 from palpate_kit.jobs.process_pool import core_count, process_pool
 
-_DEATHS = 3  # processes that a job may take with it
+_DEATHS = 3  # processes that a job may take with it: a choice
 
 
 def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[tuple[Job, Outcome]]:
-    """Yield the engine of this machine: as many processes as cores.
+    """Yield outcomes by the engine of this machine: as many processes as cores.
 
     Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
     jobs that ran at the same time one by one, so that the one that kills its process is known and given up after three.
@@ -25,15 +25,15 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
     if count <= 1:
         yield from ((job, run_job(job)) for job in jobs)
         return
-    left: deque[Job] = deque(jobs)
+    waiting: deque[Job] = deque(jobs)
     suspects: deque[tuple[Job, int]] = deque()  # and how many processes died while each ran
-    while left or suspects:
-        if left:
-            suspects.extend([(job, 1) for job in (yield from _pooled(left, count))])
+    while waiting or suspects:
+        if waiting:
+            suspects.extend([(job, 1) for job in (yield from _pooled(waiting, count))])
             continue
         job, deaths = suspects.popleft()
-        if (found := cached_result(job)) is not None:  # it was done, only its answer was lost
-            yield job, RunAnswer(found)
+        if (result := cached_result(job)) is not None:  # it was done, only its answer was lost
+            yield job, RunAnswer(result)
         elif (yield from _pooled(deque([job]), 1)):
             if deaths + 1 < _DEATHS:
                 suspects.append((job, deaths + 1))
@@ -42,15 +42,15 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
                 yield job, UserError(f"lost: {reason}")
 
 
-def _pooled(left: deque[Job], count: int) -> Generator[tuple[Job, Outcome], None, list[Job]]:
-    """Run what is left, in so many processes, until one of them dies; the jobs that were running then."""
+def _pooled(waiting: deque[Job], count: int) -> Generator[tuple[Job, Outcome], None, list[Job]]:
+    """Run what waits, in so many processes, until one of them dies; return the jobs that were running then."""
     running: dict[Future[Outcome], Job] = {}
     with process_pool(count) as pool:
         try:
-            while left or running:
-                while left and len(running) < count:
-                    running[pool.submit(run_parcel, Parcel.of(left[0]))] = left[0]
-                    left.popleft()
+            while waiting or running:
+                while waiting and len(running) < count:
+                    running[pool.submit(run_parcel, Parcel.of(waiting[0]))] = waiting[0]
+                    waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     error = future.exception()
                     if isinstance(error, BrokenProcessPool):

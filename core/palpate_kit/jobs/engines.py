@@ -1,4 +1,4 @@
-"""Where jobs run: the cores of this machine, or the workers of a scheduler."""
+"""Engines on which jobs run: the cores of this machine, or the workers of a scheduler."""
 
 from __future__ import annotations
 

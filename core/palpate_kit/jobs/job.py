@@ -34,12 +34,12 @@ from palpate_kit.runs.run_folder import RunFolder
 
 
 class OtherSettingsError(OutputError):
-    """What is in a folder was made with other settings."""
+    """Runs in a folder that were made with other settings."""
 
 
 @dataclass(frozen=True)
 class RunAnswer:
-    """What a run has found, and what else its caller asked for."""
+    """Result of a run, and what else its caller asked for."""
 
     result: Result
     more: Any = None
@@ -51,8 +51,8 @@ Outcome = RunAnswer | PalpateError  # StoppedError where somebody stopped the ru
 def run_or_find(job: Job) -> RunAnswer:
     """Return the result of a run that nobody has stopped: found where an earlier attempt has made it. Raises
     PalpateError."""
-    if (found := cached_result(job)) is not None:
-        return RunAnswer(found)
+    if (earlier_result := cached_result(job)) is not None:
+        return RunAnswer(earlier_result)
     result = run_pipeline(job.pipeline(), unused_folder(job.folder))
     result.demand_whole()
     write_cache(result)
@@ -110,7 +110,7 @@ Engine = Callable[[Sequence[Job]], Generator[tuple[Job, Outcome]]]  # outcomes i
 
 
 def run_job(job: Job) -> Outcome:
-    """What a job comes to, or why to nothing."""
+    """Return what a job comes to, or why to nothing."""
     try:
         return job.work(job)
     except PalpateError as error:
@@ -120,16 +120,16 @@ def run_job(job: Job) -> Outcome:
 
 
 def cached_result(job: Job) -> Result | None:
-    """What an earlier attempt has found, where it is whole.
+    """Return the result of an earlier attempt, where it is whole.
 
     Raises OtherSettingsError where that was with other settings.
     """
     for folder in _attempts(job.folder):
         if not folder.exists():
             return None
-        if (run := RunFolder(folder)).finished and (found := read_cached(folder)) is not None:
+        if (run := RunFolder(folder)).finished and (result := read_cached(folder)) is not None:
             demand_same(job.pipeline(), run, job.name)
-            return found
+            return result
     return None
 
 
@@ -146,10 +146,10 @@ def _attempts(folder: Path) -> Iterator[Path]:
 
 def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
     """Raise OtherSettingsError where a run, `name`, was made with other settings than a pipeline has now."""
-    told = differences(resolved_text(pipeline), run.pipeline_text, pipeline.registry.tables)
-    if told:
+    changes = differences(resolved_text(pipeline), run.pipeline_text, pipeline.registry.tables)
+    if changes:
         raise OtherSettingsError(
-            f"{run.path}: {name} was run with other settings: {told}; nothing is mixed: give --out another folder, or "
+            f"{run.path}: {name} was run with other settings: {changes}; nothing is mixed: give --out another folder, or "
             "the settings of then"
         )
 
@@ -187,7 +187,8 @@ class Parcel:
 
     @contextmanager
     def unpacked(self) -> Iterator[Job]:
-        """The job, to be done within the context; raises PluginError where a plugin file is missing or has changed."""
+        """Yield the job, to be done within the context; raises PluginError where a plugin file is missing or has
+        changed."""
         with only_plugins(self.distributions), inherited_approval(self.approved):
             if self.plugins:
                 registry.load(approved_files(self.plugins, Path(), named=False))
@@ -195,7 +196,7 @@ class Parcel:
 
 
 def run_parcel(parcel: Parcel) -> Outcome:
-    """What the job in a parcel comes to; for any process on any machine."""
+    """Return what the job in a parcel comes to; for any process on any machine."""
     try:
         with parcel.unpacked() as job:
             return run_job(job)

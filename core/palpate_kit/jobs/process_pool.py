@@ -14,7 +14,7 @@ from typing import Any
 
 from palpate_engine import safe_processes
 
-_INTERRUPTED = 130  # exit code
+_INTERRUPTED = 128 + signal.SIGINT  # exit code
 
 
 class _SafeProcess(SpawnProcess):
@@ -57,9 +57,9 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def _without_ctrl_c() -> Iterator[None]:
-    """Within the context Ctrl-C waits; a process that is started meanwhile hears of it from `begin_worker` on."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Let Ctrl-C wait within the context; a process that is started meanwhile hears of it from `begin_worker` on."""
+    former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)

@@ -1,4 +1,4 @@
-"""What a run has found, kept next to it: an answer that was lost on its way is read there, and not computed twice."""
+"""Results of runs, kept next to them: an answer that was lost on its way is read there, and not computed twice."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ANSWER = "answer.json"  # with all that result.json leaves out; it comes last, w
 
 
 def write_cache(result: Result) -> None:
-    """Write down what a run has found, into its folder; raises OutputError."""
+    """Write the result of a run into its folder; raises OutputError."""
     document = asdict(result)
     for track in document["tracks"].values():
         track |= {key: finite_tree(track[key]) for key in ("details", "diagnoses")}
@@ -26,7 +26,7 @@ def write_cache(result: Result) -> None:
 
 
 def read_cached(folder: Path) -> Result | None:
-    """What the run in a folder has found; None where it is not whole, or of a palpate that wrote it otherwise."""
+    """Return the result of the run in a folder; None where it is not whole, or of a palpate that wrote it otherwise."""
     try:
         document = json_document(bounded_text(folder / ANSWER))
         for track in document["tracks"].values():

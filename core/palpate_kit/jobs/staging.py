@@ -39,7 +39,8 @@ class Stage:
 
     @contextmanager
     def _access(self) -> Generator[tuple[Any, str]]:
-        """The same while something is asked of it; raises OutputError where it does not answer, however often asked."""
+        """Yield the same while something is asked of it; raises OutputError where it does not answer, however often
+        asked."""
         files, root = self._reached()
         try:
             yield files, root
@@ -115,12 +116,13 @@ class StagedJob:
 
     @property
     def name(self) -> str:
-        """That of the job."""
+        """Name of the job."""
         return self.parcel.name
 
 
 def run_staged(staged: StagedJob) -> Outcome:
-    """What a job comes to on a worker that shares no folder; a run that is whole in the place is brought, not made."""
+    """Return what a job comes to on a worker that shares no folder; a run that is whole in the place is brought, not
+    made."""
     stage = staged.stage
     try:
         stage.get_inputs(staged.inputs)

@@ -1,4 +1,4 @@
-"""What goes from the run to the page: messages, each whole in one datagram, which browsers get as they are.
+"""Datagrams from the run to the page: messages, each whole in one, which browsers get as they are.
 
 A message is a header in JSON. One with rows has numbers behind it: the length of the header (uint32), the header,
 filled up with blanks so that the numbers begin at a multiple of 8 bytes, times (n,) as float64, columns (columns, n) as
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 LARGEST = 32_000  # bytes of a datagram: Linux cuts longer ones of such a socket into several
+_TIME_BYTES, _NUMBER_BYTES = 8, 4  # of a float64 and of a float32
+_HEADER_BYTES = 1000  # that are kept free for the header: a choice
 _LENGTH = struct.Struct("<I")
 _TEXT = b"{"  # begins a message without numbers; no length does: each is 4 more than a multiple of 8
 
@@ -32,7 +34,7 @@ def pack(header: Mapping[str, Any]) -> bytes:
 def pack_rows(header: Mapping[str, Any], time: Floats, columns: NDArray[np.float32]) -> bytes:
     """Return a message with rows: times (n,) [s] and columns (columns, n)."""
     text = pack({**header, "rows": len(time)})
-    text += b" " * (-(len(text) + _LENGTH.size) % 8)
+    text += b" " * (-(len(text) + _LENGTH.size) % _TIME_BYTES)
     return _LENGTH.pack(len(text)) + text + time.astype("<f8").tobytes() + columns.astype("<f4").tobytes()
 
 
@@ -45,7 +47,7 @@ def unpack(message: bytes) -> tuple[Header, Rows | None]:
     header = json.loads(message[_LENGTH.size : begin])
     rows = header["rows"]
     time = np.frombuffer(message, "<f8", rows, begin)
-    columns = np.frombuffer(message, "<f4", offset=begin + 8 * rows)
+    columns = np.frombuffer(message, "<f4", offset=begin + _TIME_BYTES * rows)
     return header, (time, columns.reshape(-1, rows) if rows else columns.reshape(0, 0))
 
 
@@ -55,7 +57,7 @@ def is_text(message: bytes) -> bool:
 
 
 def pieces(rows: int, columns: int) -> Iterator[slice]:
-    """So many rows in pieces that fit into one datagram each."""
-    most = max((LARGEST - 1000) // (8 + 4 * max(columns, 1)), 1)
-    for begin in range(0, rows, most):
-        yield slice(begin, min(begin + most, rows))
+    """Yield so many rows in pieces that fit into one datagram each."""
+    rows_at_once = max((LARGEST - _HEADER_BYTES) // (_TIME_BYTES + _NUMBER_BYTES * max(columns, 1)), 1)
+    for begin in range(0, rows, rows_at_once):
+        yield slice(begin, min(begin + rows_at_once, rows))

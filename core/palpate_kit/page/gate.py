@@ -1,4 +1,4 @@
-"""Who gets in: a page is for a browser on this machine, or at the other end of a tunnel, that knows the token."""
+"""Gate of a page: who gets in is a browser on this machine, or at the other end of a tunnel, that knows the token."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import hmac
 import re
 from collections.abc import Iterable, Mapping
+from http import HTTPStatus
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import ClassVar
@@ -21,7 +22,7 @@ _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg"
 _UPLOT = ("uplot/uPlot.iife.min.js", "uplot/uPlot.min.css")
 _SHARED = ("page.css", "charts.js", "numbers.js", "skin.js", "icon.svg", *_UPLOT)
 DATA = "data"
-GREETING = 2.0  # [s] in which a connection must have sent its request
+GREETING = 2.0  # [s] in which a connection must have sent its request: a choice
 _STRANGERS = 64  # connections that have not been let in yet; a browser opens about ten for a moment
 Files = Mapping[str, Traversable]  # by their path below the token
 
@@ -34,17 +35,17 @@ class GuardedConnection(ServerConnection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See `asyncio.Protocol`."""
         super().connection_made(transport)
-        left = [other for other in self._strangers if other.state is State.CONNECTING]
-        for other in left[: max(len(left) - _STRANGERS + 1, 0)]:
+        strangers = [other for other in self._strangers if other.state is State.CONNECTING]
+        for other in strangers[: max(len(strangers) - _STRANGERS + 1, 0)]:
             other.transport.abort()
-        self._strangers[:] = [*left[-_STRANGERS + 1 :], self]
+        self._strangers[:] = [*strangers[-_STRANGERS + 1 :], self]
 
 
 def page_files(package: str, names: Iterable[str]) -> Files:
     """Return the files of a page: its own, in the folder `static` of a package, and those that all pages share."""
-    own, shared = files(package) / "static", files("palpate_kit.page") / "static"
-    found = {name: own / name for name in names} | {name: shared / name for name in _SHARED}
-    return {"": found.pop("index.html"), **found}
+    page_folder, shared_folder = files(package) / "static", files("palpate_kit.page") / "static"
+    paths = {name: page_folder / name for name in names} | {name: shared_folder / name for name in _SHARED}
+    return {"": paths.pop("index.html"), **paths}
 
 
 def host_of(request: Request) -> str | None:
@@ -56,8 +57,8 @@ def host_of(request: Request) -> str | None:
 
 def _stranger(request: Request, token: str) -> str | None:
     """Return why the address is not the one that the run has printed; None where it is."""
-    given = request.path.removeprefix("/").partition("/")[0]
-    if hmac.compare_digest(given.encode(errors="replace"), token.encode()):
+    token_of_path = request.path.removeprefix("/").partition("/")[0]
+    if hmac.compare_digest(token_of_path.encode(errors="replace"), token.encode()):
         return None
     return "the address lacks the token that the run printed, or has that of another run"
 
@@ -68,7 +69,7 @@ def admit_viewer(request: Request, token: str) -> Response | None:
     why = _stranger(request, token)
     if host_of(request) is None:
         why = "the data are served to localhost and 127.0.0.1 only"
-    return None if why is None else response(403, f"403: {why}\n".encode(), "text/plain")
+    return None if why is None else response(HTTPStatus.FORBIDDEN, f"403: {why}\n".encode(), "text/plain")
 
 
 def refusal(request: Request, token: str) -> str | None:
@@ -81,24 +82,24 @@ def refusal(request: Request, token: str) -> str | None:
         return "requests from other pages are refused"
     if (why := _stranger(request, token)) is not None:
         return why
-    _, _, rest = request.path.removeprefix("/").partition("/")
-    if rest == DATA and not origins:
+    _, _, path = request.path.removeprefix("/").partition("/")
+    if path == DATA and not origins:
         return "data are for the page only"
     return None
 
 
 def answer_request(request: Request, token: str, known: Files) -> Response | None:
-    """What a request gets of the `known` files; None for the page's own WebSocket, which is let in."""
+    """Return what a request gets of the `known` files; None for the page's own WebSocket, which is let in."""
     why = refusal(request, token)
     if why is not None:
-        return response(403, f"403: {why}\n".encode(), "text/plain")
+        return response(HTTPStatus.FORBIDDEN, f"403: {why}\n".encode(), "text/plain")
     name = request.path.removeprefix("/").partition("/")[2]
     if name == DATA:
         return None
     if name not in known:
-        return response(404, b"404: no such page\n", "text/plain")
+        return response(HTTPStatus.NOT_FOUND, b"404: no such page\n", "text/plain")
     file = known[name]
-    return response(200, file.read_bytes(), _TYPES[file.name.rpartition(".")[2]], host_of(request) or "")
+    return response(HTTPStatus.OK, file.read_bytes(), _TYPES[file.name.rpartition(".")[2]], host_of(request) or "")
 
 
 def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
@@ -121,4 +122,5 @@ def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
             "Connection": "close",
         }
     )
-    return Response(status, {200: "OK", 403: "Forbidden", 404: "Not Found"}[status], headers, body)
+    answer = HTTPStatus(status)
+    return Response(answer.value, answer.phrase, headers, body)

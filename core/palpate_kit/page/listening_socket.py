@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import socket
 
+_BACKLOG = 16  # connections that wait to be accepted; a browser opens about ten at once
+
 
 def listening_socket(port: int) -> socket.socket:
     """Return a socket that listens on a port of this machine alone, any free one for 0; raises OSError."""
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind(("127.0.0.1", port))
-        found.listen(16)
+        listener.bind(("127.0.0.1", port))
+        listener.listen(_BACKLOG)
     except OSError:
-        found.close()
+        listener.close()
         raise
-    return found
+    return listener

@@ -8,33 +8,37 @@ from dataclasses import dataclass
 
 FRAME = struct.Struct("<BH6fIfH")  # header, status, wrench [N, Nm], time-stamp [us], temperature [deg C], CRC
 LENGTH = FRAME.size
-HEADER = 0xAA
+HEADER = 0xAA  # first byte of a frame (Bota Systems, manual of the SensONE, serial interface)
+_CRC_BYTES, _STATUS_BITS = 2, 4  # at the end of a frame; of the status that have a meaning
+_ONES = 0xFFFF  # start and final xor of the CRC
+_SECOND = 1e6  # [us]
 THROTTLED, OVERRANGE, INVALID, RAW = 1, 2, 4, 8  # bits of the status
 UNUSABLE = OVERRANGE | INVALID | RAW
 
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-_REMAINDER = 0x1D0F  # of a message that is followed by its own CRC
-_WRAP = 1 << 32
-_FOLLOWS = 2_000_000  # [us] between frames that belong together
-_RESTART = 5_000_000  # [us]; so long a pause is not one
-_PLAUSIBLE_WRENCH, _PLAUSIBLE_TEMPERATURE = 1e5, (-55.0, 150.0)
+_REMAINDER = 0x1D0F  # of a message that is followed by its own CRC, a property of the polynomial
+_WRAP = 1 << 32  # [us] of the sensor's counter
+_FOLLOWS = 2_000_000  # [us] between frames that belong together, at most: a choice
+_RESTART = 5_000_000  # [us]; a longer step is not a pause but a restart: a choice
+_PLAUSIBLE_WRENCH = 1e5  # [N], [N m]; far beyond any range: a choice, which only random bytes exceed
+_PLAUSIBLE_TEMPERATURE = (-55.0, 150.0)  # [deg C] of silicon sensors
 
 
 def crc_x25(data: bytes) -> int:
-    """CRC-16/X-25 (reflected polynomial 0x8408, start and final xor 0xFFFF).
+    """Return CRC-16/X-25 (reflected polynomial 0x8408, start and final xor 0xFFFF).
 
     >>> hex(crc_x25(b"123456789"))
     '0x906e'
     """
     # hqx is the same polynomial unreflected: turn the bits of every byte, and of the answer.
-    raw = binascii.crc_hqx(data.translate(_REVERSED), 0xFFFF) ^ 0xFFFF
+    raw = binascii.crc_hqx(data.translate(_REVERSED), _ONES) ^ _ONES
     return int(f"{raw:016b}"[::-1], 2)
 
 
 def pack_frame(status: int, wrench: tuple[float, ...], stamp: int, temperature: float) -> bytes:
     """Return a frame with its CRC."""
-    body = FRAME.pack(HEADER, status, *wrench, stamp % _WRAP, temperature, 0)[:-2]
-    return body + crc_x25(body[1:]).to_bytes(2, "little")
+    body = FRAME.pack(HEADER, status, *wrench, stamp % _WRAP, temperature, 0)[:-_CRC_BYTES]
+    return body + crc_x25(body[1:]).to_bytes(_CRC_BYTES, "little")
 
 
 @dataclass(frozen=True)
@@ -66,40 +70,42 @@ class FrameDecoder:
         buffer = self._bytes
         buffer += data
         frames: list[Frame] = []
-        at = 0
-        while len(buffer) - at >= LENGTH:
-            frame = _intact(buffer, at)
+        start = 0
+        while len(buffer) - start >= LENGTH:
+            frame = _intact(buffer, start)
             if frame is not None and not self._in_step and not self._follows(frame):
-                if len(buffer) - at < 2 * LENGTH:
+                if len(buffer) - start < 2 * LENGTH:
                     break  # only the frame behind it decides
-                frame = frame if _intact(buffer, at + LENGTH) else None
+                frame = frame if _intact(buffer, start + LENGTH) else None
             if frame is not None:
                 frames.append(frame)
                 self._in_step, self._last = True, frame.stamp
-                at += LENGTH
+                start += LENGTH
                 continue
             self.damaged += self._in_step
             self._in_step = False
-            beginning = buffer.find(HEADER, at + 1)
-            beginning = len(buffer) if beginning < 0 else beginning
-            self.skipped += beginning - at
-            at = beginning
-        del buffer[:at]
+            next_start = buffer.find(HEADER, start + 1)
+            next_start = len(buffer) if next_start < 0 else next_start
+            self.skipped += next_start - start
+            start = next_start
+        del buffer[:start]
         return frames
 
     def _follows(self, frame: Frame) -> bool:
+        """Return True if the time-stamp of a frame is shortly after that of the last one."""
         return self._last is not None and 0 < (frame.stamp - self._last) % _WRAP <= _FOLLOWS
 
 
-def _intact(buffer: bytearray, at: int) -> Frame | None:
-    if buffer[at] != HEADER:
+def _intact(buffer: bytearray, start: int) -> Frame | None:
+    """Return the frame that begins at a place of a buffer; None where header, CRC or content are not of one."""
+    if buffer[start] != HEADER:
         return None
-    turned = buffer[at + 1 : at + LENGTH].translate(_REVERSED)
-    if len(turned) != LENGTH - 1 or binascii.crc_hqx(turned, 0xFFFF) != _REMAINDER:
+    mirrored = buffer[start + 1 : start + LENGTH].translate(_REVERSED)
+    if len(mirrored) != LENGTH - 1 or binascii.crc_hqx(mirrored, _ONES) != _REMAINDER:
         return None
-    _, status, *wrench, stamp, temperature, _ = FRAME.unpack_from(buffer, at)
+    _, status, *wrench, stamp, temperature, _ = FRAME.unpack_from(buffer, start)
     low, high = _PLAUSIBLE_TEMPERATURE
-    if status >> 4 or not low <= temperature <= high:
+    if status >> _STATUS_BITS or not low <= temperature <= high:
         return None
     if not status & (INVALID | RAW) and not all(abs(value) < _PLAUSIBLE_WRENCH for value in wrench):
         return None
@@ -107,14 +113,14 @@ def _intact(buffer: bytearray, at: int) -> Frame | None:
 
 
 class TimestampUnwrapper:
-    """A 32-bit counter of microseconds, unwrapped; distinguishes a restart from a wrap."""
+    """Counter of microseconds of 32 bits, unwrapped; distinguishes a restart from a wrap."""
 
     def __init__(self) -> None:
         self.last: int | None = None  # [us] as the sensor has it
         self._total = 0
 
     def add(self, stamp: int) -> int | None:
-        """Microseconds since the first stamp; None where the counter restarted."""
+        """Return the microseconds since the first stamp; None where the counter restarted."""
         if self.last is not None:
             step = (stamp - self.last) % _WRAP
             if step > _RESTART:
@@ -125,4 +131,4 @@ class TimestampUnwrapper:
 
     def backwards(self, stamp: int) -> float:
         """Return how far [s] a stamp is before the last one."""
-        return 0.0 if self.last is None else ((self.last - stamp) % _WRAP) / 1e6
+        return 0.0 if self.last is None else ((self.last - stamp) % _WRAP) / _SECOND

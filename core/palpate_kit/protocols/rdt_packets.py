@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import struct
 
-PORT = 49152
+PORT = 49152  # of RDT (ATI, "Net F/T manual")
 _REQUEST, REPLY = struct.Struct("!HHI"), struct.Struct("!3I6i")  # sequence, the sensor's own, status, counts
-_HEADER = 0x1234
+_HEADER = 0x1234  # begins every request
 STOP, STREAM, BIAS, PERIOD = 0x0000, 0x0002, 0x0042, 0x0082  # the last: OnRobot's, in milliseconds
-_WRAP = 1 << 32
+_WRAP = 1 << 32  # of the counter of readings
 
 
 def request(command: int, count: int = 0) -> bytes:
@@ -21,7 +21,7 @@ def request(command: int, count: int = 0) -> bytes:
 
 
 def parse_request(data: bytes) -> tuple[int, int] | None:
-    """Command and count of a request; None for anything else."""
+    """Return command and count of a request; None for anything else."""
     if len(data) != _REQUEST.size:
         return None
     header, command, count = _REQUEST.unpack(data)

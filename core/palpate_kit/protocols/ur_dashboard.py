@@ -1,4 +1,4 @@
-"""Asking a controller's ports before the client library is let near them: it hangs where they do not answer."""
+"""Questions to a controller's ports before the client library is let near them: it hangs where they do not answer."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from collections.abc import Callable, Mapping
 
 from palpate import DeviceError
 
-RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
-_TIMEOUT = 1.0  # [s]
-_VERSION_2 = b"\x00\x05\x56\x00\x02"
+RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999  # ports of a controller (Universal Robots, "Remote control via TCP/IP")
+_TIMEOUT = 1.0  # [s] for an answer: a choice
+_VERSION_2 = b"\x00\x05\x56\x00\x02"  # request: length 5, "V", protocol version 2 (RTDE guide)
+_ANSWER_LENGTH = 4  # bytes of its answer: length, "V", accepted
+_PAYLOAD_SINCE = (5, 6)  # version of PolyScope whose states have the payload
 
 
 def reports_payload(facts: Mapping[str, str]) -> bool:
     """Return True if the controller's software can report the payload: from 5.6 on."""
     match = re.search(r"(\d+)\.(\d+)", facts.get("software", ""))
-    return match is not None and (int(match[1]), int(match[2])) >= (5, 6)
+    return match is not None and (int(match[1]), int(match[2])) >= _PAYLOAD_SINCE
 
 
 def reported_model(facts: Mapping[str, str]) -> str:
@@ -26,13 +28,14 @@ def reported_model(facts: Mapping[str, str]) -> str:
 
 def probe(host: str) -> dict[str, str]:
     """Return the controller's facts; raises DeviceError where one of its ports does not answer as it should."""
-    _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
-    facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
-    _asked(host, SCRIPT, "script", lambda link: {})
+    _ask(host, RTDE, "RTDE", lambda link: _check_rtde(link, host))
+    facts = _ask(host, DASHBOARD, "dashboard", _dashboard_answers)
+    _ask(host, SCRIPT, "script", lambda link: {})
     return facts
 
 
-def _asked(host: str, port: int, name: str, talk: Callable[[socket.socket], dict[str, str]]) -> dict[str, str]:
+def _ask(host: str, port: int, name: str, talk: Callable[[socket.socket], dict[str, str]]) -> dict[str, str]:
+    """Return what a talk at a port of the controller learns; raises DeviceError where the port does not answer."""
     try:
         with socket.create_connection((host, port), timeout=_TIMEOUT) as link:
             return talk(link)
@@ -45,14 +48,15 @@ def _asked(host: str, port: int, name: str, talk: Callable[[socket.socket], dict
         ) from error
 
 
-def _rtde(link: socket.socket, host: str) -> dict[str, str]:
+def _check_rtde(link: socket.socket, host: str) -> dict[str, str]:
+    """Raise DeviceError where the controller does not speak version 2 of RTDE; it has no facts."""
     link.sendall(_VERSION_2)
-    if _read(link, 4)[2:] != b"V\x01":
+    if _read(link, _ANSWER_LENGTH)[2:] != b"V\x01":
         raise DeviceError(f"{host}: the controller does not speak RTDE version 2")
     return {}
 
 
-def _dashboard(link: socket.socket) -> dict[str, str]:
+def _dashboard_answers(link: socket.socket) -> dict[str, str]:
     lines = link.makefile("rw", encoding="utf-8", newline="\n")
     lines.readline()
 
@@ -93,6 +97,7 @@ def refuse_unready(facts: Mapping[str, str], host: str, by_hand: bool = False) -
 
 
 def _read(link: socket.socket, count: int) -> bytes:
+    """Return so many bytes from a connection; raises ConnectionResetError where it ends before."""
     data = b""
     while len(data) < count:
         chunk = link.recv(count - len(data))
