@@ -78,7 +78,7 @@ def test_a_disk_that_cannot_be_written_to_and_a_wish_not_to_are_no_errors(
 
 
 def test_the_oldest_go(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("palpate_kit.kernel.code_cache._MOST", 2)
+    monkeypatch.setattr("palpate_kit.kernel.code_cache._MAX_FILES", 2)
     (file,) = folder.iterdir()
     os.utime(file, (1, 1))
     assert made_anew("b")

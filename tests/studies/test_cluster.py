@@ -249,7 +249,7 @@ def own_cluster():
 
 @pytest.mark.slow
 def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monkeypatch, capsys):
-    for name, seconds in (("_AGAIN", 0.05), ("_TELL", 0.2), ("_WITHOUT", 0.9)):
+    for name, seconds in (("_AGAIN", 0.05), ("_REPORT_EVERY", 0.2), ("_WITHOUT", 0.9)):
         monkeypatch.setattr(workers, name, seconds)
     with distributed.Client(own_cluster.scheduler_address, set_as_default=False) as client:
         running = cluster.spread(client, _slow, [0.0, 0.0])
@@ -267,7 +267,7 @@ def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monk
 @pytest.mark.slow
 def test_workers_that_are_paused_for_their_memory_are_told(own_cluster, monkeypatch, capsys):
     """dask pauses what is near its limit of memory, and keeps its tasks waiting without a word."""
-    for name, seconds in (("_AGAIN", 0.05), ("_TELL", 0.2), ("_WITHOUT", 2.0)):
+    for name, seconds in (("_AGAIN", 0.05), ("_REPORT_EVERY", 0.2), ("_WITHOUT", 2.0)):
         monkeypatch.setattr(workers, name, seconds)
     with distributed.Client(own_cluster.scheduler_address, set_as_default=False) as client:
         (worker,) = own_cluster.workers.values()

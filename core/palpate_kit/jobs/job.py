@@ -146,10 +146,10 @@ def _attempts(folder: Path) -> Iterator[Path]:
 
 def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
     """Raise OtherSettingsError where a run, `name`, was made with other settings than a pipeline has now."""
-    changes = differences(resolved_text(pipeline), run.pipeline_text, pipeline.registry.tables)
-    if changes:
+    text = differences(resolved_text(pipeline), run.pipeline_text, pipeline.registry.tables)
+    if text:
         raise OtherSettingsError(
-            f"{run.path}: {name} was run with other settings: {changes}; nothing is mixed: give --out another folder, or "
+            f"{run.path}: {name} was run with other settings: {text}; nothing is mixed: give --out another folder, or "
             "the settings of then"
         )
 
