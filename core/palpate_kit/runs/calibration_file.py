@@ -1,4 +1,4 @@
-"""What a calibration has measured: tables of a rig's file of facts, in SI; files of older versions have them alone."""
+"""Calibrations in files: tables of a rig's file of facts, in SI; files of older versions have them alone."""
 
 from __future__ import annotations
 

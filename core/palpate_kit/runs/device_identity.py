@@ -1,4 +1,4 @@
-"""What identifies a device among the facts that it states, such as its serial number."""
+"""Identity of a device among the facts that it states, such as its serial number."""
 
 from __future__ import annotations
 

@@ -13,10 +13,12 @@ _PLACE = ("time_s", "x_m", "y_m")
 _MEASURED = (*_PLACE, "force_N", "position_m", "velocity_m_s")
 _ALWAYS = ("surface", "surface_std", "force", "nis", "status")
 _OTHERS = (*_ALWAYS, "innovation")
+_ROUNDING = 1e-6  # of an interval: a sample at its beginning is in it, whatever rounding says
 
 
 def columns_of(tracks: Mapping[str, Sequence[Parameter]]) -> list[str]:
-    """Names of the columns: time, place, what was measured, and for each track its parameters, their std, the rest."""
+    """Return the names of the columns: time, place, what was measured, and for each track its parameters, their std,
+    the rest."""
     names = [*_MEASURED]
     for track, parameters in tracks.items():
         names += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
@@ -25,11 +27,12 @@ def columns_of(tracks: Mapping[str, Sequence[Parameter]]) -> list[str]:
 
 
 def missing_columns(names: Sequence[str], tracks: Sequence[str]) -> list[str]:
-    """Columns that a table of tracks does not have, or has twice; tables of older versions lack some that are new."""
+    """Return the columns that a table of tracks lacks, or has twice; tables of older versions lack some that
+    are new."""
     deviations = [name for name in names if name.endswith("_std")]
-    wanted = [*_PLACE, *(f"{track}:{name}" for track in tracks for name in _ALWAYS), *deviations]
-    wanted += [name.removesuffix("_std") for name in deviations]
-    return [name for name in wanted if names.count(name) != 1] if tracks else []
+    required = [*_PLACE, *(f"{track}:{name}" for track in tracks for name in _ALWAYS), *deviations]
+    required += [name.removesuffix("_std") for name in deviations]
+    return [name for name in required if names.count(name) != 1] if tracks else []
 
 
 def numbers_of(samples: Samples, estimates: Mapping[str, Estimates], rows: NDArray[np.int64]) -> Floats:
@@ -45,7 +48,7 @@ def numbers_of(samples: Samples, estimates: Mapping[str, Estimates], rows: NDArr
 
 
 class DueRows:
-    """Which samples get a row: the first of every interval of time [s]; all of them where it is 0."""
+    """Choice of the samples that get a row: the first of every interval of time [s]; all of them where it is 0."""
 
     def __init__(self, interval: float) -> None:
         self._interval = interval
@@ -55,7 +58,8 @@ class DueRows:
         """Return the rows of a block at times (n,) [s]."""
         if self._interval <= 0 or not len(time):
             return np.arange(len(time))
-        slots = np.floor(time / self._interval + 1e-6)
-        before = np.maximum.accumulate(np.concatenate([[self._slot], slots]))
-        self._slot = float(before[-1])
-        return np.flatnonzero(slots > before[:-1])
+        # A row is due where a sample lies in a later slot of time than all before it.
+        slots = np.floor(time / self._interval + _ROUNDING)
+        latest_slots = np.maximum.accumulate(np.concatenate([[self._slot], slots]))
+        self._slot = float(latest_slots[-1])
+        return np.flatnonzero(slots > latest_slots[:-1])

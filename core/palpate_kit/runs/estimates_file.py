@@ -19,9 +19,9 @@ from palpate_kit.runs.estimates_columns import DueRows, columns_of, numbers_of
 
 ONLINE, OFFLINE = "estimates", "estimates-offline"
 TEXT = ".csv"
-_FLUSH = 0.5  # [s]; what is killed keeps its rows up to then
-_TOGETHER = 4096  # rows whose numbers are gathered at once
-_WAITING = 4  # blocks of rows that wait to be written
+_FLUSH = 0.5  # [s]; what is killed keeps its rows up to then: a choice
+_TOGETHER = 4096  # rows whose numbers are gathered at once: a choice, for memory
+_WAITING = 4  # blocks of rows that wait to be written: a choice, for memory
 
 
 def estimates_file(
@@ -43,6 +43,10 @@ def estimates_file(
 def _estimates_csv(
     path: Path, tracks: Mapping[str, Sequence[Parameter]], pipeline: Pipeline
 ) -> Iterator[EstimatesWriter]:
+    """Yield a new table as text: of a live run one that is written at once, else one that a thread writes.
+
+    Raises OutputError where it cannot be written.
+    """
     live = is_live(pipeline.devices)
     try:
         file = path.open("x", newline="", encoding="utf-8")

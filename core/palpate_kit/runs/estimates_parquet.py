@@ -20,28 +20,29 @@ from palpate_kit.runs.estimates_columns import DueRows, columns_of, numbers_of
 
 STREAM, WHOLE = ".arrows", ".parquet"  # suffixes of a table while it grows, and when it has ended
 _WAIT = 0.5  # [s] at most until rows are in the file; what is killed keeps its rows up to then
-_TOGETHER = 1 << 14  # rows of a batch of the stream, at most
-_GROUP = 1 << 17  # rows of a group of Parquet, which is held in memory
+_TOGETHER = 1 << 14  # rows of a batch of the stream, at most: a choice
+_GROUP = 1 << 17  # rows of a group of Parquet, which is held in memory: a choice
 
 
 @contextmanager
 def estimates_parquet(
     path: Path, tracks: Mapping[str, Sequence[Parameter]], interval: float
 ) -> Iterator[EstimatesStream]:
-    """A new table in columns, `path` without its suffix; raises OutputError where it cannot be made."""
+    """Yield a new table in columns, `path` without its suffix; raises OutputError where it cannot be made."""
     stream = path.with_suffix(STREAM)
-    with _told(stream):
+    with _output_errors(stream):
         table = EstimatesStream(stream.open("xb"), tracks, interval)
     try:
         yield table
     finally:  # a run that is stopped has its table, too
-        with _told(stream):
+        with _output_errors(stream):
             table.close()
             _to_parquet(stream, path.with_suffix(WHOLE))
 
 
 @contextmanager
-def _told(stream: Path) -> Iterator[None]:
+def _output_errors(stream: Path) -> Iterator[None]:
+    """Turn the operating system's errors within the context into OutputError."""
     try:
         yield
     except OSError as error:
@@ -78,7 +79,8 @@ class EstimatesStream:
         columns = np.concatenate([table.T for table in self._waiting], axis=1)
         self._waiting, self._rows = [], 0
         typed = (
-            column.astype(kind.to_pandas_dtype(), copy=False) for column, kind in zip(columns, self._kinds, strict=True)
+            column.astype(column_type.to_pandas_dtype(), copy=False)
+            for column, column_type in zip(columns, self._kinds, strict=True)
         )
         self._writer.write_batch(pyarrow.record_batch([pyarrow.array(column) for column in typed], schema=self._schema))
         self._file.flush()
@@ -91,7 +93,7 @@ class EstimatesStream:
 
 
 def _to_parquet(stream: Path, path: Path) -> None:
-    """A stream that has ended as Parquet, in its place; a group of rows is held at a time."""
+    """Write a stream that has ended as Parquet, in its place; a group of rows is held at a time."""
     pyarrow = _pyarrow()
     import pyarrow.parquet as parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
@@ -109,10 +111,11 @@ def _to_parquet(stream: Path, path: Path) -> None:
 
 
 def _groups(batches: Any) -> Iterator[list[Any]]:
+    """Yield batches in groups of so many rows or more, the last one with what remains."""
     group: list[Any] = []
     for batch in batches:
         group.append(batch)
-        if sum(len(one) for one in group) >= _GROUP:
+        if sum(len(waiting_batch) for waiting_batch in group) >= _GROUP:
             yield group
             group = []
     if group:
@@ -120,7 +123,7 @@ def _groups(batches: Any) -> Iterator[list[Any]]:
 
 
 def read_columns(path: Path) -> tuple[tuple[str, ...], Floats]:
-    """Names and numbers (n, columns) of a table in columns; of a stream that was cut, the complete part.
+    """Return names and numbers (n, columns) of a table in columns; of a stream that was cut, the complete part.
 
     Raises LogError for what cannot be read.
     """
@@ -132,14 +135,15 @@ def read_columns(path: Path) -> tuple[tuple[str, ...], Floats]:
 
                 table = parquet.read_table(file, page_checksum_verification=True)
             else:
-                table = _what_is_whole(file)
+                table = _complete_batches(file)
         columns = [np.asarray(column.to_numpy(), np.float64) for column in table.columns]
     except (OSError, ValueError, TypeError, pyarrow.ArrowException) as error:
         raise LogError(f"{path}: is not a table of numbers: {error}") from error
     return tuple(table.column_names), np.column_stack(columns) if columns else np.zeros((0, 0))
 
 
-def _what_is_whole(file: IO[bytes]) -> Any:
+def _complete_batches(file: IO[bytes]) -> Any:
+    """Return the table of all batches of a stream that are complete."""
     pyarrow = _pyarrow()
     if not file.peek(1):  # type: ignore[attr-defined]
         return pyarrow.table({})  # killed before its first bytes

@@ -1,4 +1,4 @@
-"""The lumps that an exam excludes, as a curve: contrast over width."""
+"""Figure of the lumps that an exam excludes: contrast over width."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def draw_exclusion(axis: Any, excluded: Sequence[Mapping[str, float | None]]) ->
     """
     width = np.array([1e3 * (entry["width"] or 0.0) for entry in excluded])
     contrast = np.array([np.nan if entry["contrast"] is None else 100 * entry["contrast"] for entry in excluded])
-    known = np.isfinite(contrast)
+    is_excluded = np.isfinite(contrast)
     axis.set(xlabel="width of a lump [mm]", ylabel="contrast [%]")
-    if not known.any():
+    if not is_excluded.any():
         axis.set(title="excludes nothing", xticks=[], yticks=[])
         return
-    top = 2 * float(contrast[known].max())
-    axis.plot(width[known], contrast[known], "o-", color="black", markersize=2.5, linewidth=1.0)
-    axis.fill_between(width[known], contrast[known], top, color="tab:green", alpha=0.25, linewidth=0)
+    top = 2 * float(contrast[is_excluded].max())
+    axis.plot(width[is_excluded], contrast[is_excluded], "o-", color="black", markersize=2.5, linewidth=1.0)
+    axis.fill_between(width[is_excluded], contrast[is_excluded], top, color="tab:green", alpha=0.25, linewidth=0)
     axis.set(title=f"excluded with {excluded[0]['probability']:g}", yscale="log", ylim=(None, top))
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:.1e}"[0] in "25" else "")

@@ -33,7 +33,7 @@ class RunLog:
 
 
 def read_run_log(path: Path) -> RunLog | None:
-    """What a log, or a run folder with a log, carries; None where it is another's log. Raises LogError."""
+    """Return what a log, or a run folder with a log, carries; None where it is another's log. Raises LogError."""
     log = log_in(path)
     reader = recording_of(log)
     attached = reader.attached(log)
@@ -45,12 +45,12 @@ def log_in(path: Path) -> Path:
     """Return the log itself, or the one log in a run folder; raises LogError if it has none or several."""
     if not path.is_dir() or not RunFolder(path).began:
         return path
-    known = registries.load()
-    logs = [file for file in sorted(path.iterdir()) if file.is_file() and reader_of(file, known) is not None]
+    registry = registries.load()
+    logs = [file for file in sorted(path.iterdir()) if file.is_file() and reader_of(file, registry) is not None]
     logs = [file for file in logs if file.suffix not in (".csv", WHOLE)]  # its tables of estimates are not logs
     if len(logs) != 1:
-        found = ", ".join(file.name for file in logs) or "none"
-        raise LogError(f"{path}: expected one log in a run folder ({found}); add a [sink.*] to the pipeline")
+        names = ", ".join(file.name for file in logs) or "none"
+        raise LogError(f"{path}: expected one log in a run folder ({names}); add a [sink.*] to the pipeline")
     return logs[0]
 
 
@@ -70,6 +70,7 @@ def replay_source(
     run = tables.setdefault("run", {})
     if not isinstance(run, dict) or not isinstance(tables.get("device"), dict):
         raise LogError(f"{where}: is not a pipeline: [run] and [device.*] must be tables")
+    # Devices become the log; sinks and twins have no part in a replay.
     _refuse_other_plugins(run, carried)
     name_tips(source)
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}

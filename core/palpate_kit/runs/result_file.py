@@ -87,8 +87,8 @@ def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
 def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the parameters of a track and what follows from them, by name; none that gives no number to calculate
     with."""
-    every = {**track.get("derived", {}), **track["parameters"]}
-    return {name: found for name, found in every.items() if found["value"] is not None and _is_number(found)}
+    values = {**track.get("derived", {}), **track["parameters"]}
+    return {name: value for name, value in values.items() if value["value"] is not None and _is_number(value)}
 
 
 def estimate_of(found: Mapping[str, Any]) -> float | None:
@@ -98,7 +98,7 @@ def estimate_of(found: Mapping[str, Any]) -> float | None:
 
 
 def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
-    """What a track says of a parameter; None where it has no value, or one that may not be used."""
+    """Return what a track says of a parameter; None where it has no value, or one that may not be used."""
     return values_by_name(track).get(name) if track["verdict"] != "invalid" else None
 
 
@@ -119,25 +119,25 @@ def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
     if isinstance(document, dict):
         schema = document.get("schema", 1)
         if schema not in range(1, SCHEMA + 1):
-            by = document.get("palpate", "another version")
+            writer = document.get("palpate", "another version")
             reads = f"this palpate reads up to {SCHEMA}: update it"
-            raise LogError(f"{path}: {place}schema is {schema} (of palpate {by}); {reads}")
+            raise LogError(f"{path}: {place}schema is {schema} (of palpate {writer}); {reads}")
         if schema < SCHEMA:
             _upgrade(document)
             document["schema"] = SCHEMA
     _demand_valid(document, ResultDocument, path, place)
     checked: dict[str, Any] = document
     for track in checked["tracks"].values():
-        for found in (*track["parameters"].values(), *track["derived"].values()):
-            if found["value"] is None and found.get("estimate") is not None:  # as it was written before
-                found["value"] = found.pop("estimate")
+        for value in (*track["parameters"].values(), *track["derived"].values()):
+            if value["value"] is None and value.get("estimate") is not None:  # as it was written before
+                value["value"] = value.pop("estimate")
     return checked
 
 
 def _demand_valid(document: Any, model: type[Document], path: Path, place: str = "") -> None:
-    if found := problems(document, model):
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise LogError(f"{path}: is a damaged result of palpate: {place}{found[0]}{more}")
+    if mistakes := problems(document, model):
+        more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
+        raise LogError(f"{path}: is a damaged result of palpate: {place}{mistakes[0]}{more}")
 
 
 def _upgrade(document: dict[str, Any]) -> None:
@@ -157,7 +157,8 @@ def _upgrade(document: dict[str, Any]) -> None:
 
 
 def _upgrade_flags(table: dict[str, Any]) -> None:
-    """Flags that are texts ``code: sentence``, as in schema 1, as tables, and the verdict that they amount to."""
+    """Turn flags that are texts ``code: sentence``, as in schema 1, into tables, and add the verdict that they amount
+    to."""
     entries = table.get("flags")
     if isinstance(entries, list) and all(isinstance(entry, str) for entry in entries):
         texts = [entry.partition(": ") for entry in entries]
@@ -167,5 +168,5 @@ def _upgrade_flags(table: dict[str, Any]) -> None:
 
 
 def _tables(entries: Any) -> list[dict[str, Any]]:
-    """Those of a document's entries that are tables; none without such a list."""
+    """Return those of a document's entries that are tables; none without such a list."""
     return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []

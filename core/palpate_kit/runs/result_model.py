@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 from palpate_kit.runs.run_model import Document, Number, RunDocument, StreamDocument
 from palpate_kit.runs.track_model import FlagDocument, TrackDocument
 
+_MAX_INPUT = 40  # characters of a wrong value in a message: a choice
 _TITLE = "result.json of palpate"
 _ABOUT = (
     "All numbers in SI; what is not a finite number is null. Within one schema keys are added and never change their "
@@ -60,7 +61,7 @@ class FitFileDocument(Document):
 
 
 def problems(document: Mapping[str, Any], model: type[Document]) -> list[str]:
-    """What is wrong with a document, key by key: ``tracks.dr/ekf.nis must be a valid number, not "x"``."""
+    """Return what is wrong with a document, key by key: ``tracks.dr/ekf.nis must be a valid number, not "x"``."""
     try:
         model.model_validate(document)
     except ValidationError as error:
@@ -69,17 +70,18 @@ def problems(document: Mapping[str, Any], model: type[Document]) -> list[str]:
 
 
 def _problem(detail: ErrorDetails) -> str:
-    key, kind = ".".join(map(str, detail["loc"])), detail["type"]
-    if kind == "missing":
+    key, error_type = ".".join(map(str, detail["loc"])), detail["type"]
+    if error_type == "missing":
         return f"{key} is missing"
-    if kind == "value_error":
+    if error_type == "value_error":
         return f"{key}.{detail['msg'].removeprefix('Value error, ')}"
-    demand = "must be a table" if kind == "model_type" else re.sub(r"^\w+ should", "must", detail["msg"])
-    return f"{key} {demand}, not {json.dumps(detail['input'])[:40]}"
+    demand = "must be a table" if error_type == "model_type" else re.sub(r"^\w+ should", "must", detail["msg"])
+    return f"{key} {demand}, not {json.dumps(detail['input'])[:_MAX_INPUT]}"
 
 
 def result_schema() -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of ``result.json``; open where estimators, diagnoses and devices fill their own."""
+    """Return the JSON schema (draft 2020-12) of ``result.json``; open where estimators, diagnoses and devices fill
+    their own."""
     schema = _without_defaults(ResultDocument.model_json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": _TITLE, **schema}
 

@@ -16,7 +16,7 @@ Mark = Literal["bad", "good", "none"]
 
 @dataclass(frozen=True)
 class Marks:
-    """What was rejected, and why, and what was accepted, by name; the name of the run itself is empty."""
+    """Rejected parts with their reasons, and accepted ones, by name; the name of the run itself is empty."""
 
     rejected: dict[str, str] = field(default_factory=dict)
     accepted: dict[str, str] = field(default_factory=dict)
@@ -38,8 +38,8 @@ def read_marks(folder: Path) -> Marks:
 def write_mark(folder: Path, name: str, mark: Mark, reason: str = "") -> None:
     """Mark the run of a folder, or a part by its name; raises LogError, OutputError."""
     marks = read_marks(folder)
-    for kind in (marks.rejected, marks.accepted):
-        kind.pop(name, None)
+    for marks_of_kind in (marks.rejected, marks.accepted):
+        marks_of_kind.pop(name, None)
     if mark == "bad":
         marks.rejected[name] = reason
     elif mark == "good":

@@ -72,18 +72,18 @@ class EstimatesTable:
     def track(self, name: str) -> TrackTable:
         """Return the columns of one track; raises LogError where the table has none of that name."""
         head = f"{name}:"
-        own = {column[len(head) :]: self._column(column) for column in self.names if column.startswith(head)}
-        if "status" not in own:
+        columns = {column[len(head) :]: self._column(column) for column in self.names if column.startswith(head)}
+        if "status" not in columns:
             raise LogError(f"{self.path}: no track {name!r} (there are: {', '.join(self.tracks)})")
-        status = np.nan_to_num(own.pop("status"), nan=float(Status.IDLE)).astype(np.int64)
-        parameters = [key.removesuffix("_std") for key in own if key.endswith("_std") and key != "surface_std"]
+        status = np.nan_to_num(columns.pop("status"), nan=float(Status.IDLE)).astype(np.int64)
+        parameters = [key.removesuffix("_std") for key in columns if key.endswith("_std") and key != "surface_std"]
         return TrackTable(
             self._column("time_s"),
             np.column_stack([self._column(name) for name in ("x_m", "y_m")]),
             self.measured["position"],
-            {key: own[key] for key in parameters},
-            {key: own[f"{key}_std"] for key in parameters},
-            {key: column for key, column in own.items() if key.removesuffix("_std") not in parameters},
+            {key: columns[key] for key in parameters},
+            {key: columns[f"{key}_std"] for key in parameters},
+            {key: column for key, column in columns.items() if key.removesuffix("_std") not in parameters},
             status,
         )
 
@@ -92,7 +92,7 @@ class EstimatesTable:
 
 
 def pipeline_among(names: Container[str]) -> str | None:
-    """Which of the documents of a run, by name, is the pipeline that reproduces it; None if it has none."""
+    """Return which of the documents of a run, by name, is the pipeline that reproduces it; None if it has none."""
     return next((name for name in (_OLDER, PIPELINE) if name in names), None)
 
 
@@ -154,12 +154,12 @@ class RunFolder:
 
     @property
     def rejected(self) -> dict[str, str]:
-        """Why a review left the run out, under "", or parts of it, under their names. Raises LogError."""
+        """Reasons for which a review left the run out, under "", or parts of it, under their names. Raises LogError."""
         return read_marks(self.path).rejected
 
     @property
     def maps(self) -> Path:
-        """Where maps of the run go."""
+        """Folder of the maps of the run."""
         return self.path / "maps"
 
     @property
@@ -170,8 +170,8 @@ class RunFolder:
         """
         if "rehearsal" in (settings := self.settings.get("run", {})):
             return str(settings["rehearsal"])
-        found = self.result["run"].get("rehearsal") if self.finished else None
-        return None if found is None else str(found["twin"])
+        rehearsal = self.result["run"].get("rehearsal") if self.finished else None
+        return None if rehearsal is None else str(rehearsal["twin"])
 
     @property
     def parts(self) -> list[RunFolder]:
@@ -213,10 +213,10 @@ class RunFolder:
     @property
     def tracks(self) -> dict[str, TrackTable]:
         """The estimates of every track by its name, offline ones first."""
-        found: dict[str, TrackTable] = {}
+        tracks: dict[str, TrackTable] = {}
         for table in self.tables:
-            found |= {name: table.track(name) for name in table.tracks if name not in found}
-        return found
+            tracks |= {name: table.track(name) for name in table.tracks if name not in tracks}
+        return tracks
 
     @property
     def places(self) -> tuple[Floats, Floats]:
@@ -252,7 +252,7 @@ def _reason(error: OSError | UnicodeDecodeError) -> str:
 
 
 def _numbers(text: str, columns: int) -> Floats:
-    """Rows of numbers (n, columns), NaN where a cell is empty."""
+    """Return rows of numbers (n, columns), NaN where a cell is empty."""
     for _ in range(2):  # neighbouring empty cells share a comma
         text = text.replace(",,", ",nan,")
     text = text.replace(",\n", ",nan\n").replace("\n,", "\nnan,")

@@ -15,8 +15,9 @@ def natural(name: Path | str) -> list[tuple[int, str]]:
 
 
 def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[Path]]:
-    """Runs by group, each in the natural order, so that no order of arguments matters; raises ConfigurationError."""
-    found: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
+    """Return the runs by group, each in the natural order, so that no order of arguments matters; raises
+    ConfigurationError."""
+    groups: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
     for text in patterns:
         name, equals, pattern = text.partition("=")
         if not (name and equals and pattern):
@@ -25,7 +26,7 @@ def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[P
         paths = list(Path(base).glob(str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern))
         if not paths:
             raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
-        found[name] = [*found.get(name, []), *paths]
-    if not found:
+        groups[name] = [*groups.get(name, []), *paths]
+    if not groups:
         raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=natural) for name, paths in found.items()}
+    return {name: sorted(set(paths), key=natural) for name, paths in groups.items()}

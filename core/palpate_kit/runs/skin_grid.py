@@ -12,8 +12,10 @@ from palpate_engine import bounded_text, display_unit, json_document
 
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
-_NODES = 41  # along the longer side of a surface that fills while a run goes on
-_MARGIN = 3e-3  # [m] of skin about the planned motion
+_NODES = 41  # along the longer side of a surface that fills while a run goes on: a choice
+_MARGIN = 3e-3  # [m] of skin about the planned motion: a choice
+_MILLIMETRES = 1e3  # in a metre
+_AXIS_DIGITS, _HEIGHT_DIGITS = 3, 2  # of millimetres, 1 um and 10 um: a choice, for short messages
 
 
 def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
@@ -39,7 +41,7 @@ def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[st
     low, high = (_short(factor * limit) for limit in surface_map.limits)
     return {
         **_grid(x, y, height.ravel()),
-        "values": [None if np.isnan(one) else _short(one) for one in value.ravel()],
+        "values": [None if np.isnan(number) else _short(number) for number in value.ravel()],
         "low": low,
         "high": high,
         "label": f"{surface_map.parameter.replace('_', ' ')}, {name}",
@@ -48,24 +50,34 @@ def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[st
 
 
 def _axis(coordinates: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.intp]]:
-    """Axis (k,) [m] of a map's grid, and the place on it of each vertex (n,), whose coordinate [m] is there but for um.
+    """Return the axis (k,) [m] of a map's grid, and the place on it of each vertex (n,).
 
-    A triangle (m, 3) is half a cell of the grid, and as wide as that.
+    A triangle (m, 3) is half a cell of the grid, and as wide as that; coordinates [m] of vertices are on the grid but
+    for um.
     """
     low, high = float(coordinates.min()), float(coordinates.max())
     step = float(np.median(np.ptp(coordinates[faces], axis=1)))
-    most = max(len(coordinates) - 1, 1)  # steps, whatever a damaged file says
-    step = max(step, (high - low) / most) or 1.0
+    max_steps = max(len(coordinates) - 1, 1)  # steps, whatever a damaged file says
+    step = max(step, (high - low) / max_steps) or 1.0
     count = round((high - low) / step) + 1
     return np.linspace(low, high, count), np.rint((coordinates - low) / step).astype(np.intp)
 
 
 def _grid(x: Floats, y: Floats, height: Floats) -> dict[str, Any]:
-    axes = {key: [round(1e3 * at[0], 3), round(1e3 * at[-1], 3), len(at)] for key, at in (("x", x), ("y", y))}
-    return {**axes, "z": [None if np.isnan(one) else round(1e3 * one, 2) for one in height.tolist()]}
+    """Return axes as [from, to, count] and heights in mm, None where they are not known."""
+    axes = {"x": _ends(x), "y": _ends(y)}
+    heights = [None if np.isnan(z) else round(_MILLIMETRES * z, _HEIGHT_DIGITS) for z in height.tolist()]
+    return {**axes, "z": heights}
+
+
+def _ends(places: Floats) -> list[Any]:
+    """Return the first and the last place [mm] of an axis, and how many there are."""
+    first, last = (round(_MILLIMETRES * place, _AXIS_DIGITS) for place in (places[0], places[-1]))
+    return [first, last, len(places)]
 
 
 def _short(value: float) -> float:
+    """Return a number of four digits."""
     return float(f"{value:.4g}")
 
 
@@ -85,5 +97,8 @@ def read_lump_findings(maps: Path) -> dict[str, Any]:
 
 
 def lump_shapes(lumps: list[dict[str, Any]]) -> list[list[float]]:
-    """Middle and extent of lumps over an area: x, y, along x, along y [mm]."""
-    return [[round(1e3 * one, 2) for one in (lump["x"], lump["y"], *lump["extent"])] for lump in lumps]
+    """Return middle and extent of lumps over an area: x, y, along x, along y [mm]."""
+    return [
+        [round(_MILLIMETRES * length, _HEIGHT_DIGITS) for length in (lump["x"], lump["y"], *lump["extent"])]
+        for lump in lumps
+    ]

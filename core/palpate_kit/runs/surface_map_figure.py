@@ -27,7 +27,8 @@ def surface_map_figure(
     width: float = WIDTHS["double"],
     excluded: Sequence[Mapping[str, float | None]] = (),
 ) -> Any:
-    """Value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z [m], p.
+    """Draw value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z
+    [m] with their p.
 
     Lumps have number and p in the view from above. With lumps that are excluded, their curve is in a row of its own.
     """
@@ -57,32 +58,34 @@ def surface_map_figure(
 def _draw(
     axis: Any, surface_map: SurfaceMap, values: Floats, colours: str, limits: tuple[float, float], view: Any
 ) -> Any:
-    """Return the triangles that look at the viewer, the nearest last."""
+    """Draw the triangles that look at the viewer, the nearest last, and return them."""
     from matplotlib.collections import PolyCollection
 
     title, (across, up), along, sign = view
+    # A triangle looks at the viewer where its normal has that direction.
     corners = surface_map.vertices[surface_map.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    seen = np.flatnonzero(sign * normal[:, along] > 0)
-    seen = seen[np.argsort(sign * corners[seen, :, along].mean(axis=1), kind="stable")]
+    facing = np.flatnonzero(sign * normal[:, along] > 0)
+    facing = facing[np.argsort(sign * corners[facing, :, along].mean(axis=1), kind="stable")]
     collection: Any = PolyCollection
-    shown = collection(
-        1e3 * corners[seen][:, :, (across, up)],
-        array=values[surface_map.faces[seen]].mean(axis=1),
+    triangles = collection(
+        1e3 * corners[facing][:, :, (across, up)],
+        array=values[surface_map.faces[facing]].mean(axis=1),
         cmap=colours,
         clim=limits,
         edgecolors="face",
         linewidths=0.4,
     )
-    axis.add_collection(shown)
+    axis.add_collection(triangles)
     axis.autoscale_view()
     axis.set_aspect("equal")
     axis.grid(False)
     axis.set(title=title, xlabel=f"{_NAMES[across]} [mm]", ylabel=f"{_NAMES[up]} [mm]")
-    return shown
+    return triangles
 
 
 def _mark(axis: Any, places: Floats | None, mark: str, view: Any) -> None:
+    """Draw a view's marks of places (n, 3) [m]; sites only in the view from above."""
     _, (across, up), along, _ = view
     if places is None or not len(places) or (along != 2 and mark == "."):
         return

@@ -13,7 +13,8 @@ from palpate import Floats, LogError
 _AXES = ("x", "y", "z")
 _COLOURS = ("red", "green", "blue")
 _HEAD = "ply\nformat binary_little_endian 1.0\n"
-_FACE = np.dtype([("count", "u1"), ("rows", "<i4", (3,))])
+_CORNERS = 3  # of a face
+_FACE = np.dtype([("count", "u1"), ("rows", "<i4", (_CORNERS,))])
 _COLOUR_PERCENTILES = (2, 98)  # [%] of the values, between which the colours go (choice)
 _MIN_RANGE = 1e-9  # of the lower one, by which the upper one is larger, so that no range is 0 (choice)
 _VALUE_COLUMN = 3  # of the properties that are doubles, behind x, y, z
@@ -52,7 +53,7 @@ def write_surface_map(surface_map: SurfaceMap) -> bytes:
     for i, key in enumerate(_COLOURS):
         vertices[key] = colours[:, i]
     faces = np.empty(len(shown.faces), _FACE)
-    faces["count"], faces["rows"] = 3, shown.faces
+    faces["count"], faces["rows"] = _CORNERS, shown.faces
     head = [
         f"comment x, y, z [m] in the work frame; {name} and {name}_std [{shown.unit}]",
         f"element vertex {len(vertices)}",

@@ -26,12 +26,13 @@ def read_tables(path: Path, noun: str) -> dict[str, Any]:
 
 
 def read_settings(path: Path, kind: type[File], noun: str) -> File:
-    """What a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is invalid."""
+    """Return what a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is
+    invalid."""
     return settings_of(read_tables(path, noun), path, kind, noun)
 
 
 def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str) -> File:
-    """Tables of a file as settings of a kind; raises ConfigurationError where they are invalid."""
+    """Return the tables of a file as settings of a kind; raises ConfigurationError where they are invalid."""
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
@@ -41,5 +42,5 @@ def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str)
 
 def _place(steps: tuple[int | str, ...]) -> str:
     """Return a place in the file as people count: ``check 3, value``."""
-    words = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
-    return "".join(words).removeprefix(", ")
+    parts = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
+    return "".join(parts).removeprefix(", ")

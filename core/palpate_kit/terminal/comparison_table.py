@@ -17,7 +17,9 @@ from palpate_kit.terminal.result_table import (
 )
 from palpate_kit.terminal.table import Table
 
-_MICROSECONDS = 1e6
+_MICROSECONDS = 1e6  # in a second
+_MEASURES, _ALL_MEASURES = 4, 7  # columns of a terminal and of a whole table
+_WHOLE_FROM = 10  # from which on a number has no decimals: a choice
 _REASON = "reason"
 SLOW = "slower than real time"
 _LEGEND = (
@@ -95,7 +97,7 @@ def _with_reason(cells: Sequence[str], row: ResultRow) -> list[str]:
 def _measure_cells(row: ResultRow, is_whole: bool) -> list[str]:
     """Return prediction [%], NIS, time to settle of the first parameter [s] and cost of a sample [us]."""
     if (measures := row.measures) is None:
-        return [""] * (7 if is_whole else 4)
+        return [""] * (_ALL_MEASURES if is_whole else _MEASURES)
     comparison = measures.comparison
     settled = next(iter(comparison.settling_times.values()), math.nan)
     cost = measures.seconds_per_sample * _MICROSECONDS if measures.samples else math.nan
@@ -133,4 +135,4 @@ def _number(value: float) -> str:
     """Return a number with two digits, from 10 on as a whole number; a dash without one."""
     if not math.isfinite(value):
         return "-"
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+    return f"{value:.0f}" if value >= _WHOLE_FROM else f"{value:.2g}"

@@ -1,4 +1,5 @@
-"""What fits take for the tip, the material and the force, in one line: a diameter that was meant is seen at once."""
+"""Facts that fits take for the tip, the material and the force, in one line: a diameter that was meant is seen
+at once."""
 
 from __future__ import annotations
 
@@ -18,13 +19,13 @@ Counted = Sequence[tuple[Pipeline, int]]  # pipelines of curves, each with their
 
 
 def fact_line(pipelines: Counted, motions: Sequence[Numbers] = ()) -> str:
-    """Tip, model and force of the first track of the pipelines, and the motions that the records measured.
+    """Return tip, model and force of the first track of the pipelines, and the motions that the records measured.
 
     As in "sphere, radius 6 mm (diameter 12 mm); dr, nu 0.5, 10 to 22 mm thick; press 1 mm/s, 0 to 2 mm deep; force
     zeroed in air".
     """
-    words = facts_in_words(pipelines, layer_limit(motions))
-    return "; ".join(filter(None, [words.get("tip"), words["model"], motion_text(motions), words["force"]]))
+    facts = facts_in_words(pipelines, layer_limit(motions))
+    return "; ".join(filter(None, [facts.get("tip"), facts["model"], motion_text(motions), facts["force"]]))
 
 
 def run_subject(pipeline: Pipeline, result: Result) -> str:
@@ -36,10 +37,10 @@ def run_subject(pipeline: Pipeline, result: Result) -> str:
         return ""
     tables = [table for track in result.tracks.values() if (table := track.diagnoses.get("motion"))]
     motions = [motion_numbers(table) for table in tables[:1]]
-    words = facts_in_words([(pipeline, 1)], layer_limit(motions))
-    tip = _DIAMETER.sub("", words.get("tip", "")).replace(", radius ", " R ")
+    facts = facts_in_words([(pipeline, 1)], layer_limit(motions))
+    tip = _DIAMETER.sub("", facts.get("tip", "")).replace(", radius ", " R ")
     estimators = [pipeline.registry.name_of(type(track.estimator)) for track in pipeline.tracks]
-    parts = [tip, motion_text(motions), words["model"]]
+    parts = [tip, motion_text(motions), facts["model"]]
     return "; ".join(filter(None, [*parts, *(estimators if len(estimators) == 1 else [])]))
 
 
@@ -58,14 +59,14 @@ def columns_line(pipeline: Pipeline) -> str:
 
     As in 'force "Fz (N)", height "z_mm", downwards'.
     """
-    alignment, words = pipeline.alignment, list[str]()
+    alignment, texts = pipeline.alignment, list[str]()
     for role, signal, reverse in (
         ("force", alignment.force, ", negative under compression"),
         ("height", alignment.position, ", downwards"),
     ):
         if (name := _name_in_log(pipeline, signal.channel)) is not None:
-            words.append(f"{role} {name}{reverse if signal.sign < 0 else ''}")
-    return ", ".join(words)
+            texts.append(f"{role} {name}{reverse if signal.sign < 0 else ''}")
+    return ", ".join(texts)
 
 
 def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
@@ -80,15 +81,15 @@ def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
 
 
 def facts_in_words(pipelines: Counted, limit: str = "") -> dict[str, str]:
-    """Words for the tip, where the model has one, the model and the force of the first track of pipelines.
+    """Return words for the tip, where the model has one, the model and the force of the first track of pipelines.
 
     `limit` says where a stated half-space holds.
     """
-    every = [(_phrases(pipeline, limit), count) for pipeline, count in pipelines]
+    phrases_of_pipelines = [(_phrases(pipeline, limit), count) for pipeline, count in pipelines]
     return {
-        key: _merged([(phrases[key], count) for phrases, count in every if key in phrases])
+        key: _merged([(phrases[key], count) for phrases, count in phrases_of_pipelines if key in phrases])
         for key in ("tip", "model", "force")
-        if any(key in phrases for phrases, _ in every)
+        if any(key in phrases for phrases, _ in phrases_of_pipelines)
     }
 
 
@@ -100,6 +101,7 @@ def _phrases(pipeline: Pipeline, limit: str) -> dict[str, Phrase]:
 
 
 def _merged(counted: Iterable[tuple[Phrase, int]]) -> str:
+    """Return phrases of many curves as one text; with the number of curves where they differ by more than numbers."""
     groups = merged_phrases(counted)
     texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
     if len(groups) == 1:
@@ -126,8 +128,9 @@ def tip_phrase(tip: Indenter, known: Registry) -> Phrase:
 
 
 def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phrase]:
+    """Yield the phrases of a model: its name, Poisson's ratio, thickness and base, inclination."""
     name = pipeline.registry.name_of(type(model))
-    yield ("".join(word[0] for word in name.split("-")) if "-" in name else name,)
+    yield ("".join(part[0] for part in name.split("-")) if "-" in name else name,)
     if isinstance(nu := getattr(model, "poisson", None), float):
         yield "nu ", Quantity(nu)
     if "thickness" in type(model).model_fields:
@@ -142,6 +145,7 @@ def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phra
 
 
 def _force(alignment: AlignmentSettings) -> Iterator[Phrase]:
+    """Yield the phrases of the force: its zero, delay, mass, beam and mount."""
     tare = alignment.tare
     if isinstance(tare, str):
         yield (_TARES[tare],)

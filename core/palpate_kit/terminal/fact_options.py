@@ -33,8 +33,8 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_options(*arguments: Any, **options: Any) -> None:
-        given = {name: options.pop(f"fact_{name}", None) for name in names}
-        stated = [f"rig.{name}={json.dumps(text)}" for name, text in given.items() if text is not None]
+        options_of_facts = {name: options.pop(f"fact_{name}", None) for name in names}
+        stated = [f"rig.{name}={json.dumps(text)}" for name, text in options_of_facts.items() if text is not None]
         rig = options.pop("rig", None)
         stated += [f"run.rig={json.dumps(str(rig.absolute()))}"] if rig is not None else []
         if stated:
@@ -43,9 +43,9 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
             arguments, options = bound.args, bound.kwargs
         command(*arguments, **options)
 
-    every = [*signature.parameters.values(), *parameters.values()]
-    with_options.__signature__ = signature.replace(parameters=every)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {one.name: one.annotation for one in every}
+    all_parameters = [*signature.parameters.values(), *parameters.values()]
+    with_options.__signature__ = signature.replace(parameters=all_parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {parameter.name: parameter.annotation for parameter in all_parameters}
     return with_options
 
 
@@ -54,5 +54,5 @@ def _option(name: str) -> inspect.Parameter:
     option = typer.Option(
         option_of(name), metavar="TEXT", help=f"{described[:1].upper()}{described[1:]}.", rich_help_panel=_PANEL
     )
-    kind = inspect.Parameter.KEYWORD_ONLY
-    return inspect.Parameter(f"fact_{name}", kind, default=None, annotation=Annotated[str | None, option])
+    keyword_only = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(f"fact_{name}", keyword_only, default=None, annotation=Annotated[str | None, option])

@@ -27,7 +27,7 @@ def json_text(findings: Any) -> str:
 
 
 def plain_data(value: Any) -> Any:
-    """Findings as tables, lists, texts and numbers."""
+    """Return findings as tables, lists, texts and numbers."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain_data(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -39,7 +39,7 @@ def plain_data(value: Any) -> Any:
 
 @contextlib.contextmanager
 def print_aside(as_json: bool) -> Iterator[None]:
-    """Within it what is printed goes to standard error, where standard output is for JSON, CSV or LaTeX alone."""
+    """Send what is printed within it to standard error, where standard output is for JSON, CSV or LaTeX alone."""
     elsewhere = as_json or layout() != "table"
     with contextlib.redirect_stdout(sys.stderr) if elsewhere else contextlib.nullcontext():
         yield

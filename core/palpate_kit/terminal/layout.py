@@ -1,11 +1,11 @@
-"""In which form tables are printed: for a terminal, as CSV, or as LaTeX."""
+"""Form in which tables are printed: for a terminal, as CSV, or as LaTeX."""
 
 from __future__ import annotations
 
 import csv
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
 from typing import Any, Literal
 
@@ -29,11 +29,11 @@ def layout() -> Layout:
     return _chosen.get()
 
 
-def choose(context: typer.Context, wanted: Layout) -> Layout:
+def choose(context: typer.Context, form: Layout) -> Layout:
     """Print the tables of this command in another form."""
-    token = _chosen.set(wanted)
+    token = _chosen.set(form)
     context.call_on_close(lambda: _chosen.reset(token))
-    return wanted
+    return form
 
 
 def print_line(text: str) -> None:
@@ -71,17 +71,22 @@ def _csv(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     writer = csv.writer(text, lineterminator="\n")
     if title:
         text.write(f"# {title}\n")
-    writer.writerow(
-        [name for head, two in zip(headings, double, strict=True) for name in _both(head, _uncertainty(head), two)]
-    )
+    writer.writerow(_split([(heading, _uncertainty(heading)) for heading in headings], double))
     for row in pairs:
-        cells = zip(row, double, strict=True)
-        writer.writerow([one for (value, std), two in cells for one in _both(value, std, two)])
+        writer.writerow(_split(row, double))
     return text.getvalue()
 
 
+def _split(pairs: Sequence[tuple[str, str]], double: Sequence[bool]) -> list[str]:
+    """Return the cells of pairs: both texts of a column that is double, else the first."""
+    cells: list[str] = []
+    for (value, std), is_double in zip(pairs, double, strict=True):
+        cells += (value, std) if is_double else (value,)
+    return cells
+
+
 def _pair(cell: str) -> tuple[str, str]:
-    """Value and uncertainty of a cell that holds nothing else; any other text whole.
+    """Return value and uncertainty of a cell that holds nothing else; any other text whole.
 
     >>> _pair("112.8 ± 1.8"), _pair("(6.7 ± 3.4)e6"), _pair("5 ± ?"), _pair("E 112.8 ± 1.8 kPa"), _pair("0 (fixed)")
     (('112.8', '1.8'), ('6.7e6', '3.4e6'), ('5', '?'), ('E 112.8 ± 1.8 kPa', ''), ('0', ''))
@@ -101,10 +106,6 @@ def _uncertainty(heading: str) -> str:
     """
     name, bracket, unit = heading.partition(" [")
     return f"u({name}){bracket}{unit}"
-
-
-def _both(first: str, second: str, two: bool) -> Iterable[str]:
-    return (first, second) if two else (first,)
 
 
 def _latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], sides: Sequence[str]) -> str:

@@ -31,7 +31,7 @@ def motion_text(motions: Sequence[Numbers]) -> str:
     texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
     if len(groups) > 1:
         texts = [f"{text} ({curve_count(count)})" for text, (_, count) in zip(texts, groups, strict=True)]
-    depths = _interval(min(one["shallowest"] for one in shown), max(one["deepest"] for one in shown))
+    depths = _interval(min(motion["shallowest"] for motion in shown), max(motion["deepest"] for motion in shown))
     return f"{' or '.join(texts)}, {depths} deep"
 
 
@@ -71,6 +71,6 @@ def _interval(low: float, high: float) -> str:
     >>> _interval(2.2e-3, 4.31e-3), _interval(0.0, 2e-6), _interval(5e-5, 1e-3)
     ('2.2 to 4.3 mm', '0 to 2 um', '50 um to 1 mm')
     """
-    least, most = _length(low), _length(high)
-    number, _, unit = least.partition(" ")
-    return f"{number if not low or unit == most.partition(' ')[2] else least} to {most}"
+    low_text, high_text = _length(low), _length(high)
+    number, _, unit = low_text.partition(" ")
+    return f"{number if not low or unit == high_text.partition(' ')[2] else low_text} to {high_text}"

@@ -1,4 +1,4 @@
-"""How far a long piece of work is: a bar on a terminal, a line every 10 s otherwise."""
+"""Progress of a long piece of work: a bar on a terminal, a line every 10 s otherwise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-_EVERY = 10.0  # [s] between two lines
+_EVERY = 10.0  # [s] between two lines: a choice
+_REDRAW, _BAR_WIDTH = 0.25, 60  # [s] between two bars; columns of one: a choice
 _JOIN = 1.0  # [s] for a pipe that takes nothing
 
 _shown: list[_Work] = []  # the latest is what is done within those before it
@@ -19,7 +20,7 @@ _shown: list[_Work] = []  # the latest is what is done within those before it
 
 @contextmanager
 def progress(doing: str, unit: str = "", total: float | None = None) -> Iterator[None]:
-    """Shows on standard error how far a piece of work is, as reported by `report_progress`."""
+    """Show on standard error how far a piece of work is, as reported by `report_progress`."""
     work = _Work(doing, unit, total)
     with work.shown() if not _shown else nullcontext():
         _shown.append(work)
@@ -35,24 +36,24 @@ def report_progress(done: float, total: float | None = None, *_: object) -> None
     It does as the `progress` of a pipeline's run, of which it leaves out how far the estimates are behind.
     """
     if _shown:
-        _shown[-1].told(done, total)
+        _shown[-1].note(done, total)
 
 
 class _Work:
-    """What is done of how much; the display reads it when it likes."""
+    """Share of a piece of work that is done; the display reads it when it likes."""
 
     def __init__(self, doing: str, unit: str, total: float | None) -> None:
         self._doing, self._unit = doing, unit
         self.done, self.total = 0.0, total
         self._began = time.monotonic()
 
-    def told(self, done: float, total: float | None) -> None:
+    def note(self, done: float, total: float | None) -> None:
         """Take note."""
         self.done, self.total = done, self.total if total is None else total
 
     @contextmanager
     def shown(self) -> Iterator[None]:
-        """Until the context ends; a terminal or a pipe that is stuck or gone does not stop the work."""
+        """Show it until the context ends; a terminal or a pipe that is stuck or gone does not stop the work."""
         from rich.console import Console
 
         errors = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -90,6 +91,6 @@ class _Work:
         from rich.text import Text
 
         with suppress(OSError), Live(console=errors, auto_refresh=False, transient=True) as live:
-            while not ended.wait(0.25):
-                bar = [ProgressBar(self.total, min(self.done, self.total), width=60)] if self.total else []
+            while not ended.wait(_REDRAW):
+                bar = [ProgressBar(self.total, min(self.done, self.total), width=_BAR_WIDTH)] if self.total else []
                 live.update(Group(Text(self.line()), *bar), refresh=True)

@@ -6,7 +6,7 @@ import math
 
 from palpate_engine import display_unit
 
-_LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power
+_LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power: a choice
 _MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
 FIXED = " (fixed)"
 _ROUNDING = 1e-12  # of a value; less is not an uncertainty
@@ -51,7 +51,7 @@ def is_fixed(value: float, std: float | None) -> bool:
 
 
 def _plain(value: float, std: float) -> str:
-    """Both to two digits of the uncertainty, but whole below a thousand."""
+    """Return both to two digits of the uncertainty, but whole below a thousand."""
     digits = 1 - math.floor(math.log10(std))
     if digits < -1:
         value, std = round(value, digits), round(std, digits)
@@ -74,8 +74,8 @@ def value_with_unit(value: float, std: float, unit: str) -> str:
     >>> value_with_unit(112836.1, 1772.7, "Pa")
     '112.8 ± 1.8 kPa'
     """
-    word, factor = display_unit(unit)
-    return f"{value_with_uncertainty(value * factor, std * factor)} {word}".removesuffix(" 1")
+    symbol, factor = display_unit(unit)
+    return f"{value_with_uncertainty(value * factor, std * factor)} {symbol}".removesuffix(" 1")
 
 
 def number_with_unit(value: float, unit: str, digits: int = 3) -> str:
@@ -84,8 +84,8 @@ def number_with_unit(value: float, unit: str, digits: int = 3) -> str:
     >>> number_with_unit(1772.66, "Pa"), number_with_unit(280.0, "Pa*s", 2)
     ('1.77 kPa', '2.8e+02 Pa s')
     """
-    word, factor = display_unit(unit)
-    return f"{value * factor:.{digits}g} {word}".removesuffix(" 1")
+    symbol, factor = display_unit(unit)
+    return f"{value * factor:.{digits}g} {symbol}".removesuffix(" 1")
 
 
 def unsigned(number: str) -> str:

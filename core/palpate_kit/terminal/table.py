@@ -14,7 +14,7 @@ from palpate_kit.terminal.layout import layout, tables_in, text_of
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-_SCREEN = 40  # rows
+_SCREEN = 40  # rows that are printed of a long table: a choice
 _BLOCKS = 10  # rows that are printed as blocks where a table is too wide
 
 
@@ -91,8 +91,10 @@ def console(width: int = 80) -> Console:
                 return
             super().print(*(_fitting(item, self) for item in objects), **options)
 
-    found = WholeTables(markup=False, emoji=False)
-    return found if found.is_terminal else WholeTables(width=width, markup=False, emoji=False)
+    console_of_terminal = WholeTables(markup=False, emoji=False)
+    return (
+        console_of_terminal if console_of_terminal.is_terminal else WholeTables(width=width, markup=False, emoji=False)
+    )
 
 
 def _fitting(shown: Any, console: Console) -> Any:
@@ -112,7 +114,7 @@ def _fitting(shown: Any, console: Console) -> Any:
 
 
 def _set_widths(table: Any, console: Console) -> bool:
-    """Make a table as narrow as the console without cutting a number or a word; whether that is possible.
+    """Make a table as narrow as the console without cutting a number or a word; return True if that is possible.
 
     Rich, left to itself, shortens the widest columns beyond what their cells need.
     """
@@ -120,15 +122,19 @@ def _set_widths(table: Any, console: Console) -> bool:
 
     for column in table.columns:
         column.width = None
-    most = Measurement.get(console, console.options.update(width=10_000), table).maximum
+    full_width = Measurement.get(console, console.options.update(width=10_000), table).maximum
     widths = [_widths(column) for column in table.columns]
-    room = console.width - (most - sum(widest for _, widest in widths)) - sum(least for least, _ in widths)
+    room = (
+        console.width
+        - (full_width - sum(widest for _, widest in widths))
+        - sum(least_width for least_width, _ in widths)
+    )
     if room < 0:
         return False
-    if most > console.width:
-        for column, (least, widest) in zip(table.columns, widths, strict=True):
-            column.width = min(widest, least + room)
-            room -= column.width - least
+    if full_width > console.width:
+        for column, (least_width, widest) in zip(table.columns, widths, strict=True):
+            column.width = min(widest, least_width + room)
+            room -= column.width - least_width
     return True
 
 
@@ -156,10 +162,10 @@ def _row_by_row(table: Any) -> RenderableType:
         return " ".join(_plain(cell).split())
 
     headings = [plain(column.header) for column in table.columns]
-    few = table.row_count <= _BLOCKS
+    has_blocks = table.row_count <= _BLOCKS
     lines = [plain(table.title)] if table.title else []
     for row in zip(*(list(column.cells) for column in table.columns), strict=True):
         cells = [(heading, plain(cell)) for heading, cell in zip(headings, row, strict=True)]
         parts = [f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell]
-        lines += ["", *parts] if few else ["; ".join(parts)]
+        lines += ["", *parts] if has_blocks else ["; ".join(parts)]
     return Text("\n".join(lines))
