@@ -10,6 +10,7 @@ from palpate import ConfigurationError, PluginError, hooks, registry
 from palpate.first_versions import FIRST_VERSIONS
 from palpate_engine import load_pipeline, resolved_text
 from palpate_engine.config import file_version
+from palpate_engine.config.tip_words import tip_table
 from palpate_kit.jobs.job import Job, Parcel, PortablePipeline
 
 TIP = """
@@ -101,6 +102,20 @@ def test_a_shipped_tip_stays_and_that_of_a_third_party_has_its_distribution(palp
     assert palpate("describe", "Soft_Lab:sphere", PYTHONPATH=site).stdout.startswith(
         "soft-lab:sphere: a type of [indenter"
     )
+
+
+def test_a_tip_in_words_follows_the_rule_of_names(on_the_path):
+    own_words = flat("punch").replace("    radius: Length", "    word: ClassVar[str] = 'cone'\n    radius: Length")
+    on_the_path("soft-lab", f"from typing import ClassVar\n{own_words}")
+    known = registry.load()
+    assert tip_table("Soft_Lab:punch 2 mm", known) == {"type": "punch", "radius": "2 mm"}
+    assert tip_table("cone 30 deg", known)["type"] == "cone"
+    on_the_path("hard-lab", flat("punch"))
+    with pytest.raises(ConfigurationError, match="write 'hard-lab:punch' or 'soft-lab:punch'"):
+        tip_table("punch 2 mm", registry.load())
+    assert tip_table("hard-lab:punch 2 mm", registry.load())["type"] == "hard-lab:punch"
+    with pytest.raises(ConfigurationError, match="the distribution warm-lab is not installed"):
+        tip_table("warm-lab:punch 2 mm", registry.load())
 
 
 def test_a_name_of_two_third_parties_is_refused_only_where_it_is_used(palpate, install, point_pipeline):

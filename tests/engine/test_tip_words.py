@@ -26,7 +26,7 @@ def test_a_tip_in_words(text, table):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no tip ''; write it as in \"sphere 3 mm\""),
+        ("", '; write it as in "sphere 3 mm"'),
         ("flat", 'flat needs its radius, as in "flat VALUE"'),
         ("ellipsoid 5 mm", 'ellipsoid needs its height, as in "ellipsoid VALUE, height VALUE"'),
         ("ellipsoid height 5 mm", 'ellipsoid needs its radius, as in "ellipsoid VALUE, height VALUE"'),

@@ -61,5 +61,5 @@ def test_what_is_no_record_is_named(curves, tmp_path):
         palpate.fit([1, 2], tip="paraboloid 3 mm")
     with pytest.raises(ConfigurationError, match="no such file or folder"):
         palpate.fit_folder(tmp_path / "nothing", tip="paraboloid 3 mm")
-    with pytest.raises(ConfigurationError, match="no tip 'spere'; did you mean 'sphere'"):
+    with pytest.raises(ConfigurationError, match="no indenter 'spere'; did you mean 'sphere'"):
         palpate.fit_folder(curves, tip="spere 3 mm")

@@ -33,11 +33,11 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     """Return the table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
     label = f"{said} {text!r}"
     name, *tokens = _COMMA.sub(" ", text).split() or [""]
-    tips = known.parts["indenter"]
-    tip_type = kind_in_words(name, known)
-    if tip_type not in tips:
-        hint = '; write it as in "sphere 3 mm"' if not name[:1].isalpha() else suggest(name, list(tips))
-        raise ConfigurationError(f"{label}: no tip {name!r}{hint}")
+    try:
+        tip_type = known.named("indenter", kind_in_words(name, known))
+    except ConfigurationError as error:
+        hint = "" if name[:1].isalpha() else '; write it as in "sphere 3 mm"'
+        raise ConfigurationError(f"{label}: {error}{hint}") from error
     fields = known.find("indenter", tip_type).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
     required_keys = [key for key, field in fields.items() if field.is_required()]
@@ -83,12 +83,16 @@ def _values_by_key(tokens: Sequence[str], keys: Sequence[str], label: str) -> di
 
 
 def kind_in_words(word: str, known: Registry) -> str:
-    """Return the type of a tip by the word that it states of itself, else the word as the name of its type."""
-    for kind, entry in known.parts["indenter"].items():
-        own_word = getattr(entry.part, "word", "") if entry.problem is None else ""
-        if own_word and own_word == word:
-            return kind
-    return word
+    """Return the type of a tip by the word that it states of itself, else the word as the name of its type.
+
+    The word of a third party's tip counts where no other tip has it as its word or its name.
+    """
+    tips = known.parts["indenter"]
+    kinds = [kind for kind, entry in tips.items() if entry.problem is None and entry.part.word == word != ""]
+    shipped = [kind for kind in kinds if tips[kind].plugin.own]
+    if shipped:
+        return shipped[0]
+    return kinds[0] if len(kinds) == 1 and word not in tips else word
 
 
 def with_stated_law(text: str, stated: Mapping[str, Any], known: Registry, said: str = "tip") -> dict[str, Any]:
