@@ -88,7 +88,9 @@ def kind_in_words(word: str, known: Registry) -> str:
     The word of a third party's tip counts where no other tip has it as its word or its name.
     """
     tips = known.parts["indenter"]
-    kinds = [kind for kind, entry in tips.items() if entry.problem is None and entry.part.word == word != ""]
+    kinds = [
+        kind for kind, entry in tips.items() if entry.problem is None and getattr(entry.part, "word", "") == word != ""
+    ]
     shipped = [kind for kind in kinds if tips[kind].plugin.own]
     if shipped:
         return shipped[0]

@@ -82,12 +82,12 @@ def _between(groups: Sequence[Floats], repeat: float) -> float:
     means = np.array([group.mean() for group in groups])
     grand_mean = float(sizes @ means / sizes.sum())
     square = float(sizes @ (means - grand_mean) ** 2) / (len(groups) - 1)
-    return (square - repeat) / float(_effective_size(sizes))
+    return (square - repeat) / _effective_size(sizes)
 
 
 def _effective_size(sizes: Floats) -> float:
     """Return n_0, the number of values that groups of unequal sizes (p,) count as."""
-    return (sizes.sum() - float(sizes @ sizes) / sizes.sum()) / (len(sizes) - 1)
+    return float((sizes.sum() - float(sizes @ sizes) / sizes.sum()) / (len(sizes) - 1))
 
 
 @dataclass(frozen=True)
