@@ -63,6 +63,11 @@ def test_a_table_of_a_sweep_is_a_map_with_its_lump(palpate, record, tmp_path, mo
     (lump,) = answer["lumps"]
     assert abs(lump["place"][axis] - LUMP) < 3 * lump["place_std"][axis] < 3e-3
     assert abs(lump["contrast"] - CONTRAST) < 0.05
+    # The log of the run is the table: the track's own response is tried on it.
+    (run,) = Path("runs").iterdir()
+    response = json.loads(palpate("map", "lumps", run, "--json").stdout)["response"]
+    assert response["height"] == pytest.approx(1.0, abs=0.05)
+    assert abs(response["lag"]) < 2e-4
 
 
 def test_the_suggestion_of_a_sweep_follows_its_changes(palpate, record, tmp_path):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from palpate import Estimates, Floats, PalpateError, Samples, Status
 from palpate_engine import Flow, Pipeline, build_pipeline, each, interruptible, run_flow, start_tracks
+from palpate_kit.runs.continuation import recorded_pipeline
 from palpate_kit.runs.replay_source import read_run_log, replay_source
+from palpate_records.recording import Recording
 
 from palpate_maps.body_field import FWHM
 from palpate_maps.lump_criteria import TrackResponse
@@ -32,13 +35,22 @@ _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 def track_response(run: Path, track: str, parameter: str) -> TrackResponse | None:
     """Return the response of a run's track to narrow lumps; None of a run without a log, or that cannot be read."""
     try:
-        carried = read_run_log(run)
-        if carried is None:
-            return None
-        pipeline = build_pipeline(replay_source(carried, [track]))
-        return response_of(pipeline, _samples_of(pipeline), parameter)
+        pipeline = _pipeline_on_log(run, track)
+        return None if pipeline is None else response_of(pipeline, _samples_of(pipeline), parameter)
     except PalpateError:
         return None
+
+
+def _pipeline_on_log(run: Path, track: str) -> Pipeline | None:
+    """Return the pipeline of a run with one track, on the run's log, or on those that its devices read.
+
+    None where the log carries no pipeline; raises PalpateError where it cannot be read.
+    """
+    pipeline = recorded_pipeline(run, [f"run.tracks={json.dumps([track])}"])
+    if all(isinstance(device, Recording) for device in pipeline.devices.values()):
+        return replace(pipeline, sinks={})
+    carried = read_run_log(run)
+    return None if carried is None else build_pipeline(replay_source(carried, [track]))
 
 
 def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackResponse | None:
