@@ -126,6 +126,8 @@ def test_a_material_that_relaxes_by_the_depth_is_flagged():
         one = curve(longest_press(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
         assert len(one.pressed.holds) == 2
         told[type(model).__name__] = p_value(one), {flag.code for flag in flags_of(one)}
+        doubts = [flag for flag in flags_of(one) if flag.code in ("not-linear-viscoelastic", "surface-mismatch")]
+        assert all("--surface" in flag.message for flag in doubts)
     assert told["Poroelastic"][1] & {"not-linear-viscoelastic", "surface-mismatch"}
     assert told["GeneralisedMaxwell2"][0] > 1e-3
     assert told["GeneralisedMaxwell2"][1] <= {"ramp-long"}
@@ -150,6 +152,19 @@ def test_what_is_held_is_found(depth, force, kind):
     assert one.kind == kind
     assert t[one.begin] == pytest.approx(0.3, abs=0.05)
     assert t[one.end - 1] > 5.9
+
+
+@pytest.mark.parametrize("depth", [0.5e-3, 1e-3])
+def test_a_shallow_depth_that_is_held_is_no_creep(depth):
+    """With 5 um of noise, 1 % of the depth is less than the noise, whose size smoothed heights would hide."""
+    time = np.arange(0.0, 14.0, 0.005)
+    motion = np.interp(time, [0, 1, 1.15, 12, 12.05], [-1e-3, 0, depth, depth, -2e-3])
+    model = StandardLinearSolid(indenter=TIP)
+    force = force_over_time(model, time, motion, np.gradient(motion, time), (1.5e6, 3e5, 2.0), pulls=False)
+    for seed in range(3):
+        (hold,) = longest_press(rig.samples_of(model, time, motion, force, seed, 2e-4, 0.0, {}), "run").holds
+        assert hold.kind == "relaxation"
+        assert (hold.end - hold.begin) * 0.005 > 10.5
 
 
 def test_a_record_that_begins_in_contact_is_refused():

@@ -68,7 +68,8 @@ def longest_press(replayed: ReplayedSamples, name: str) -> RecordedPress:
     zero, offset_std, drift = _zero(time, force, before, after)
     rows = slice(begin, last)
     contact = force - zero
-    holds = holds_of(time[rows], np.maximum(touch - height[rows], 0.0), contact[rows])
+    # By the heights as they were read: of smoothed ones the noise, and so the band of what is held, would be too small.
+    holds = holds_of(time[rows], np.maximum(touch - samples.position[rows], 0.0), contact[rows])
     found = [hold for hold in holds if hold.begin >= first - begin + _RAMP]  # air is steady, too
     if not found:
         raise LogError(f"{name}: nothing is held: neither depth nor force is steady for half a second in contact")

@@ -13,6 +13,7 @@ from palpate_spectra.recorded_oscillation import beyond
 from palpate_spectra.transient.relaxation_modulus import ModulusCurve
 
 _UNLIKELY = 1e-3
+_STATE_SKIN = "where the skin is known, stating it mends what follows from its height: --surface"
 _AWAY = 2e-5  # [m]
 _RAMP = 0.05  # of the value, above which a ramp's correction is reported
 _OF_ITS_TRACK = {"surface-mismatch", "diverged", "implausible"}  # whose surface and material are not used here
@@ -64,17 +65,19 @@ def p_value(curve: ModulusCurve) -> float:
 def flags_of(curve: ModulusCurve) -> Iterator[Flag]:
     """Flags of the record, then of the curve."""
     yield from (flag for flag in curve.pressed.flags if flag.code not in _OF_ITS_TRACK)
+    skin = f"; {_STATE_SKIN}" if curve.surface_std > 0 else ""
     if (p := p_value(curve)) < _UNLIKELY:
         found = curve.tested
         yield Flag(
             "not-linear-viscoelastic",
             f"ramp and hold together leave chi^2 {found.chi2:.3g} with {found.freedom:.3g} degrees of freedom (p = "
-            f"{p:.1e})",
+            f"{p:.1e}){skin}",
         )
     if (away := beyond(curve.pressed.seen, curve.rig.surface)) > _AWAY:
         yield Flag(
             "surface-mismatch",
-            f"ramp and hold put the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows",
+            f"ramp and hold put the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows"
+            f"{skin}",
         )
     if curve.pressed.rig["timing"] is None:
         slope = (
