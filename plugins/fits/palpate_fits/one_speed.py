@@ -39,10 +39,10 @@ def one_speed_intervals(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[t
     """Yield each viscosity that a record determines by its own size alone, by its place among the free.
 
     F = E a(d) + eta b(d) d' with b proportional to the slope of a: at one speed eta d' b(d) is the force of a surface
-    that is higher. The two differ by the square of eta alone, so that noise makes a viscosity out of none, and the
-    curvature there claims to know it. So where the viscosity is within two of the uncertainties that it would have if
-    no viscosity were there, the ends are those of its likelihood profile at two standard uncertainties. Without air the
-    interval begins at 0, as nothing bounds the surface from above.
+    that is higher, and the two differ by the square of eta alone. Noise then looks like a viscosity, and the curvature
+    of the misfit there understates its uncertainty. If the estimate is within two of the uncertainties that it would
+    have at eta = 0, its interval is that of the likelihood profile at two standard uncertainties. Without air the
+    interval begins at 0, since nothing bounds the surface from above.
     """
     parameters = fit.problem.model.parameters
     for j, place in enumerate(fit.residual.free):

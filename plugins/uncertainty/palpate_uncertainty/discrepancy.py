@@ -110,9 +110,9 @@ def spread_of(jacobian: Floats) -> Floats:
 
 
 def judge_misfit(
-    misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], about: str, is_layer: bool = False
+    misfit: Misfit, parameters: Sequence[Parameter], table: Mapping[str, Any], remark: str, is_layer: bool = False
 ) -> Diagnosed:
-    """Return the row of the budget that a misfit adds, with its note or its finding; `about` ends the sentence.
+    """Return the row of the budget that a misfit adds, with its note or its finding; `remark` ends the sentence.
 
     A misfit of the material is a note: the row holds its effect. A fact of the rig that explains it better is a
     finding, if that moves a value beyond its uncertainty, this row included. `is_layer` states that the model has a
@@ -125,9 +125,9 @@ def judge_misfit(
         flags = [_no_law(misfit, names)]
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)
-        flags = [_wrong_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), about)]
+        flags = [_wrong_fact(misfit, is_layer, dict(zip(names, shifts.tolist(), strict=True)), remark)]
     else:
-        flags = _of_the_material(misfit, parameters, row, about)
+        flags = _of_the_material(misfit, parameters, row, remark)
     table = dict(table) | {
         "reasons": misfit.causes,
         "wrong_facts": misfit.wrong_facts,
@@ -146,14 +146,14 @@ def _no_law(misfit: Misfit, names: Sequence[str]) -> Flag:
 
 
 def _of_the_material(
-    misfit: Misfit, parameters: Sequence[Parameter], row: Mapping[str, float], about: str
+    misfit: Misfit, parameters: Sequence[Parameter], row: Mapping[str, float], remark: str
 ) -> list[Flag]:
     """Return the note on a misfit of the material, and a finding if its likeliest cause acts as a viscosity does."""
     level = f"p {misfit.p:.0e}" if misfit.p > _SHOWN_P else "p < 1e-99"
     likely = "no alternative explains it"
     if misfit.causes:
         likely = f"likely {' or '.join(map(cause_words, misfit.causes))}"
-    text = f"the residual is not the noise of the channel ({level}); {likely}{about}"
+    text = f"the residual is not the noise of the channel ({level}); {likely}{remark}"
     suspects = tuple(dict.fromkeys(map(cause_label, misfit.causes)))
     flags = [Flag("model-discrepancy", text, effects=row, suspects=suspects)]
     for name in misfit.causes[:1]:
@@ -171,14 +171,14 @@ def _of_the_material(
     return flags
 
 
-def _wrong_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], about: str) -> Flag:
+def _wrong_fact(misfit: Misfit, is_layer: bool, effects: Mapping[str, float], remark: str) -> Flag:
     """Return the finding that a fact of the rig is wrong: its sign, and the share of the misfit that it explains."""
     suspects = tuple(name for name in misfit.causes if name in misfit.wrong_facts) or tuple(misfit.wrong_facts[:1])
     best = misfit.explanations[suspects[0]]
     percent = min(100.0 * best.gain / max(misfit.pattern, _SMALLEST_CHI_SQUARE), 100.0)
     sign = sign_of(suspects[0], is_layer, best.times)
     facts = " or ".join(dict.fromkeys(cause_words(name, is_layer) for name in suspects))
-    text = f"{sign}; {facts} would explain {percent:.0f} % of it{about}"
+    text = f"{sign}; {facts} would explain {percent:.0f} % of it{remark}"
     remedy, keys = cause_of(suspects[0]).remedy, tuple(dict.fromkeys(map(cause_label, suspects)))
     return Flag("lack-of-fit", text, effects=effects, causes=(), remedy=remedy, suspects=keys)
 

@@ -51,22 +51,22 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         end = track.ending
         if end is None or sweeps(track) or not np.isfinite(track.values).all():
             continue
-        course = along(track.model, end.tail, end.last, track.values, end.held)
-        if course is None:
+        sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
+        if sensitivity is None:
             continue
         by_motion = _MotionForce.of(track)
-        flags = [*_hum_flags(track, course), *_moved_zero_flags(track, end, course)]
+        flags = [*_hum_flags(track, sensitivity), *_moved_zero_flags(track, end, sensitivity)]
         if not _estimates_zero(track, end):
             flags += zeroed_in_contact(track, end)
         if not track.model.adhesive:  # what pulls the tip near the surface is the model's
-            flags += _motion_flags(track, by_motion, course)
-        flags += _adhesion_flags(track, by_motion, course)
+            flags += _motion_flags(track, by_motion, sensitivity)
+        flags += _adhesion_flags(track, by_motion, sensitivity)
         if flags:
             findings[track.name] = Diagnosed(tuple(flags), _joint_effects(flags))
     return findings
 
 
-def _hum_flags(track: TrackEvidence, course: Along) -> Iterator[Flag]:
+def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a sine in the force at standstill of the frequency at which the tip then oscillates.
 
     It is hum, or an alias of it.
@@ -86,8 +86,8 @@ def _hum_flags(track: TrackEvidence, course: Along) -> Iterator[Flag]:
     if amplitude < _MIN_DEVIATIONS * error:
         return
     # Its effect in contact, at any phase.
-    angle = 2.0 * np.pi * frequency * course.time
-    in_phase, out_of_phase = (course.answer(amplitude * wave) for wave in (np.sin(angle), np.cos(angle)))
+    angle = 2.0 * np.pi * frequency * sensitivity.time
+    in_phase, out_of_phase = (sensitivity.answer(amplitude * wave) for wave in (np.sin(angle), np.cos(angle)))
     shifts = None if in_phase is None or out_of_phase is None else np.hypot(in_phase, out_of_phase)
     effects = effects_by_name(track.model, shifts)
     size = f"{amplitude:.2g} +- {error:.1g} N"
@@ -124,7 +124,7 @@ class _MotionForce:
         return cls(np.where(np.abs(weights) > _MIN_DEVIATIONS * errors, weights, 0.0), errors, reference)
 
 
-def _motion_flags(track: TrackEvidence, by_motion: _MotionForce, course: Along) -> Iterator[Flag]:
+def _motion_flags(track: TrackEvidence, by_motion: _MotionForce, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a force that grows with speed or height in air, and so in contact."""
     units = ("the speed", "N s/m"), ("the height", "N/m")
     causes = [
@@ -133,13 +133,13 @@ def _motion_flags(track: TrackEvidence, by_motion: _MotionForce, course: Along) 
         if weight
     ]
     if causes:
-        height = track.surface - course.depth - by_motion.reference
-        force = by_motion.weights[0] * -course.rate + by_motion.weights[1] * height
+        height = track.surface - sensitivity.depth - by_motion.reference
+        force = by_motion.weights[0] * -sensitivity.rate + by_motion.weights[1] * height
         text = f"in air the force changes {' and '.join(causes)}"
-        yield Flag("force-in-air", text, effects=effects_by_name(track.model, course.answer(force)))
+        yield Flag("force-in-air", text, effects=effects_by_name(track.model, sensitivity.answer(force)))
 
 
-def _moved_zero_flags(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
+def _moved_zero_flags(track: TrackEvidence, end: TrackEnd, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag where the force after the contact differs from that before it: drift, or a tare in contact."""
     force, _, _ = _inertia_free(track, _above(track, _Air(*track.air_after)))
     if _estimates_zero(track, end) or len(force) < _MIN_SAMPLES:
@@ -149,7 +149,7 @@ def _moved_zero_flags(track: TrackEvidence, end: TrackEnd, course: Along) -> Ite
     zero, error = float(np.mean(force)), float(np.hypot(_error_of_mean(force), stated))
     if abs(zero) < _MIN_DEVIATIONS * error:
         return
-    shifts = per_newton(course)
+    shifts = per_newton(sensitivity)
     text = f"after the contact the force is {zero:+.2g} +- {error:.1g} N, where it should be none"
     yield Flag("force-in-air", text, effects=effects_by_name(track.model, None if shifts is None else zero * shifts))
 
@@ -161,7 +161,7 @@ def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
     return any(unknown.free and name == "bias" for name, unknown in track.report.unknowns.items())
 
 
-def _adhesion_flags(track: TrackEvidence, by_motion: _MotionForce, course: Along) -> Iterator[Flag]:
+def _adhesion_flags(track: TrackEvidence, by_motion: _MotionForce, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a pull on the way out, before the force is zero again; its effect is that of a sticky sphere.
 
     From the pull P = 1.5 pi w R follows the work of adhesion w, and from that the depth sqrt(2 pi w a/E*) by which a
@@ -183,21 +183,21 @@ def _adhesion_flags(track: TrackEvidence, by_motion: _MotionForce, course: Along
     pull, error = float(np.mean(free)) - lowest, float(np.std(np.convolve(free, weights, "valid")))
     if pull < _MIN_DEVIATIONS * error:
         return
-    effects = _adhesion_effects(track, course, pull)
+    effects = _adhesion_effects(track, sensitivity, pull)
     yield Flag("pull-off", f"the material pulls with {pull:.2g} +- {error:.1g} N on the way out", effects=effects)
 
 
-def _adhesion_effects(track: TrackEvidence, course: Along, pull: float) -> dict[str, float] | None:
+def _adhesion_effects(track: TrackEvidence, sensitivity: Along, pull: float) -> dict[str, float] | None:
     """Return the shift of each parameter: by a constant force pi w R = 2 P/3 deep in contact, and a larger contact.
 
     At the same depth the contact of a sphere is as wide as one without adhesion that is deeper by
     sqrt(2 pi w a/E*), with w = P/(1.5 pi R), a = sqrt(R d) and F = 4/3 E* a d: sqrt(16/9 P d^2/F).
     """
-    shifts = per_newton(course)
+    shifts = per_newton(sensitivity)
     elastic_count = sum(parameter.role == "elastic" for parameter in track.model.parameters)
     if shifts is None or elastic_count != 1:
         return None
-    depth, force = float(np.mean(course.depth)), float(np.mean(course.force))
+    depth, force = float(np.mean(sensitivity.depth)), float(np.mean(sensitivity.force))
     if not (depth > 0 and force > 0):
         return None
     additional_depth = float(np.sqrt(_DEEPER_BY_ADHESION * pull / force)) * depth

@@ -111,8 +111,8 @@ def _residual_judgement(track: TrackEvidence, tests: ResidualTests) -> Diagnosed
     """Return what the tests along each alternative say of a track: the misfit with its causes, where they fail."""
     if tests.is_right:
         return Diagnosed(table=tests.table(), settles=SETTLED)
-    about = f"; no alternative explains all of its pattern over {tests.unexplained}" if tests.unexplained else ""
-    finding = judge_misfit(tests.misfit, track.model.parameters, tests.table(), about, has_layer(track.model))
+    remark = f"; no alternative explains all of its pattern over {tests.unexplained}" if tests.unexplained else ""
+    finding = judge_misfit(tests.misfit, track.model.parameters, tests.table(), remark, has_layer(track.model))
     return replace(finding, settles=SETTLED)
 
 

@@ -99,7 +99,7 @@ def _model_of(track: TrackEvidence) -> str:
 def _shared_parameters(group: Sequence[TrackEvidence]) -> list[str]:
     """Return the names of the parameters that all models have."""
     names = [[parameter.name for parameter in track.model.parameters] for track in group]
-    return [name for name in names[0] if all(name in others for others in names)]
+    return [name for name in names[0] if all(name in other_names for other_names in names)]
 
 
 def _finding(

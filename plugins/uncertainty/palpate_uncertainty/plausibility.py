@@ -72,9 +72,9 @@ def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
         value = float(last.values[:, column].mean())
         if parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT_RANGE[0] <= value <= _SOFT_RANGE[1]:
             text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT_RANGE[0]:g} Pa to 1 GPa)"
-            others = {p.name: abs(float(last.values[:, k].mean())) for k, p in enumerate(model.parameters)}
+            sizes = {p.name: abs(float(last.values[:, k].mean())) for k, p in enumerate(model.parameters)}
             text = f"{text}: are force and height in the units that are declared?"
-            yield Flag("implausible", text, effects={**others, parameter.name: math.inf})
+            yield Flag("implausible", text, effects={**sizes, parameter.name: math.inf})
 
 
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:

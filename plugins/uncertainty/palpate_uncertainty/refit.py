@@ -22,6 +22,7 @@ APART = 1e-3  # [m] sideways, from which on it is a sweep
 IN_AIR = 0.05  # of the largest depth, above the surface by which a sample is in air
 _WINDOWS = (5, 9, 15, 25, 41)  # samples of the local cubic for height and rate
 _MAX_BEND_SHARE = 0.1  # of the noise that smoothing may take from the signal
+_MEAN_VARIANCES = 2.0  # times the variance of a mean of white noise over the window, that is no bend of the motion
 _MAX_CACHED_FORCES = 8  # that a course keeps
 _CORNER_DEVIATIONS = 4.0  # standard deviations of a mean over the window
 _MOTION_NOISE_SAMPLES = 500  # at which the noise of the motion is taken: a choice of time
@@ -227,12 +228,12 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
         smoothed = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         # The slow part of the difference was signal; a mean of white noise over the window has 1/width of its variance.
         bend = np.convolve(values - smoothed, np.ones(width) / width, "valid")
-        if float(np.mean(bend**2)) > (_MAX_BEND_SHARE**2 + 2.0 / width) * noise**2:
+        if float(np.mean(bend**2)) > (_MAX_BEND_SHARE**2 + _MEAN_VARIANCES / width) * noise**2:
             break
         smooth, longest = smoothed, width
     if not longest:
         return values, 0.0, np.zeros(len(values), bool)
     bend = np.convolve(values - smooth, np.full(longest, 1.0 / longest), "same")
     is_corner = np.abs(bend) > _CORNER_DEVIATIONS * noise / np.sqrt(longest)
-    is_near_corner = np.convolve(is_corner, np.ones(longest), "same") > 0.5
+    is_near_corner = np.convolve(is_corner, np.ones(longest), "same") > 0.5  # of a count: any within the window
     return np.asarray(smooth), noise * float(np.linalg.norm(cubic_weights(longest))), np.asarray(is_near_corner)

@@ -232,12 +232,12 @@ def explained(track: TrackEvidence, test: WhitenessTest, base: RefittedModel) ->
         is_fitted=free_unknowns(track).tolist(),
         explanations=_explanations(base, n, variance, noise_variance),
     )
-    about = "" if base.null.source == "standstill" else "; no standstill gives the noise"
+    remark = "" if base.null.source == "standstill" else "; no standstill gives the noise"
     table = dict(misfit_table(test).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
     prediction = base.prediction(free_unknowns(track), noise_variance)
     if prediction is not None:
         table["prediction"] = prediction.table()
-    return replace(judge_misfit(misfit, track.model.parameters, table, about, has_layer(track.model)), settles=SETTLED)
+    return replace(judge_misfit(misfit, track.model.parameters, table, remark, has_layer(track.model)), settles=SETTLED)
 
 
 def _explanations(base: RefittedModel, count: int, variance: float, noise_variance: float) -> dict[str, Explanation]:
