@@ -26,9 +26,8 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_uncertainty.delay.timing_shift import delay_shifts
-from palpate_uncertainty.flags import compliance_flags
 from palpate_uncertainty.reading_faults import velocity_flags
-from palpate_uncertainty.uncertainty_budget import delays
+from palpate_uncertainty.uncertainty_budget import compliance_flags, delays
 
 SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)

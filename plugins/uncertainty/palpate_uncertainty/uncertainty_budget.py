@@ -6,14 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Floats, Term, TrackEnd, TrackEvidence
+from palpate import ContactModel, Diagnosed, Flag, Floats, Term, TrackEnd, TrackEvidence
 from palpate_kit.budget.force_sensitivity import along
 from palpate_kit.budget.systematic_terms import systematic_terms
 from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
-from palpate_uncertainty.flags import compliance_flags
 from palpate_uncertainty.inclined_skin import AcrossForce
+
+_MIN_SHARE = 0.01  # of a parameter, a choice: a smaller shift by compliance has no sentence
 
 
 def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -53,3 +54,14 @@ def delays(model: ContactModel, values: Floats, shifts: Floats, terms: Sequence[
         if late is not None and material.name == "viscosity" and material.name not in names:
             per_second = abs(float(np.array(material.gradient) @ late.shifts) / late.std)
             yield from [(material.name, material.value / per_second)] if per_second else ()
+
+
+def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
+    """Yield the flag of parameters that a robot's compliance shifts by over 1 %; `shares` of their values by name."""
+    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _MIN_SHARE]
+    if stiffness is not None and strong:
+        yield Flag(
+            "series-compliance",
+            f"robot and sensor have a stiffness of {1e-3 * stiffness:.3g} N/mm, which shifts "
+            f"{', '.join(strong)}; it is not corrected",
+        )
