@@ -2,54 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import (
     ConfigurationError,
-    Estimates,
     Estimator,
-    FitReport,
-    Flag,
-    Floats,
     Parameter,
     Problem,
-    Samples,
     Time,
     Tracker,
-    Unknown,
     loading_cycle_force,
     suggest,
     to_si,
 )
-from palpate_kit.numerics.normal_equations import scaled_inverse
-from palpate_kit.terminal.quantities import number_with_unit
 from pydantic import Field
 
-from palpate_fits.arm_order import places_in_order
-from palpate_fits.identifiability import INDISTINCT
-
-# Choices.
-_GRID_INSTANTS = 400  # at which the force of the model is computed; between them it is interpolated
-_REVERSAL_SHARE = 0.01  # of the depth: a shorter way up before the deepest point is noise, and no second maximum
-_MAX_REVERSAL = 5e-5  # [m] of a robot, however deep it goes
-_MIN_SAMPLES = 50  # in contact
-_AIR_DURATION = 0.2  # [s] of air before touch and after lift-off that is fitted as well
-_USELESS_STD = 0.5  # of a value, from which on a flag says that the record does not determine it
-_QUANTILE = 1.96  # of a normal law, at 97.5 %: the ends of a 95 % interval
-# Numerics of the solver (choices).
-_SURFACE_UNIT_SHARE = 0.02  # of the depth: the unit of the surface
-_MAX_SURFACE_UNITS = 50.0  # units: one depth, that the surface may be off
-_DIFFERENCE_STEP = 1e-5  # of an unknown, for derivatives
-_BOUND_MARGIN = 1e-6  # by which the start is inside the bounds
-_MIN_PARAMETER, _MAX_PARAMETER = 1e-12, 1e15  # [SI], since the logarithm of a value is an unknown
-_MIN_DEPTH = 1e-12  # [m], in place of 0
-_SMALLEST = 1e-300  # in a quotient or a logarithm, in place of 0: near the smallest double
+_TRIAL_DEPTH = 1e-3  # [m] of a press that tests a model (choice)
+_TRIAL_INSTANTS = 9  # of that press (choice)
 
 
 class TingFit(Estimator):
@@ -73,18 +44,20 @@ class TingFit(Estimator):
 
     def start(self, problem: Problem) -> Tracker:
         """Return a tracker of a whole record; raises ConfigurationError for a model without a relaxation modulus."""
+        from palpate_fits.ting_tracker import TingTracker
+
         parameters = problem.model.parameters
         fixed = _values_in_si("fixed", self.fixed, parameters)
         first_guess = _values_in_si("first_guess", self.first_guess, parameters)
         start = [fixed.get(p.name, first_guess.get(p.name, p.start or 1.0)) for p in parameters]
         # A press of 1 mm and back in 1 s, which the force of a model without a relaxation modulus refuses.
-        time = np.linspace(0.0, 1.0, 9)
+        time = np.linspace(0.0, 1.0, _TRIAL_INSTANTS)
         try:
-            loading_cycle_force(problem.model, time, 1e-3 * (1 - np.abs(2 * time - 1)), start)
+            loading_cycle_force(problem.model, time, _TRIAL_DEPTH * (1 - np.abs(2 * time - 1)), start)
         except ValueError as error:
             raise ConfigurationError(f"estimator ting-fit: {error}") from error
         free = np.array([parameter.name not in fixed for parameter in parameters])
-        return _TingTracker(self, problem, np.array(start), free)
+        return TingTracker(self.smoothing, problem, np.array(start), free)
 
 
 def _values_in_si(key: str, table: Mapping[str, float | str], parameters: Sequence[Parameter]) -> dict[str, float]:
@@ -99,159 +72,3 @@ def _values_in_si(key: str, table: Mapping[str, float | str], parameters: Sequen
         except ValueError as error:
             raise ConfigurationError(f"estimator ting-fit: {key}: {name}: {error}") from error
     return values
-
-
-@dataclass(frozen=True)
-class _TingSolution:
-    """A converged fit: the surface is counted in a unit [m], parameters in their logarithms."""
-
-    theta: Floats  # (k,)
-    surface: float  # [m]
-    surface_unit: float  # [m]
-    residual: Floats  # (n,) [N] model less measured force
-    jacobian: Floats  # (n, p + 1) of the residual by the p free logarithms and the surface
-
-
-class _TingTracker:
-    """Fits the whole record that `run` is given."""
-
-    def __init__(self, settings: TingFit, problem: Problem, start: Floats, free: NDArray[np.bool_]) -> None:
-        self._settings, self._problem, self._start, self._free = settings, problem, start, free
-
-    def run(self, samples: Samples) -> Estimates:
-        """Return the estimates of the whole record; constant over the fitted samples, and idle outside them."""
-        idle = Estimates.idle(samples, len(self._start))
-        touching = np.flatnonzero(samples.contact)
-        if len(touching) < _MIN_SAMPLES:
-            text = f"{len(touching)} samples in contact, {_MIN_SAMPLES} needed"
-            return replace(idle, flags=(Flag("too-few-samples", text),))
-        # The contact with some air around it.
-        is_known = np.isfinite(samples.position) & np.isfinite(samples.force)
-        is_late = samples.time > samples.time[touching[0]] - _AIR_DURATION
-        is_early = samples.time < samples.time[touching[-1]] + _AIR_DURATION
-        rows = is_known & is_late & is_early
-        try:
-            return self._estimates(samples, rows, idle, self._solve(samples, rows))
-        except ValueError as error:
-            return replace(idle, flags=(Flag("not-fitted", str(error)),))
-
-    def _solve(self, samples: Samples, rows: NDArray[np.bool_]) -> _TingSolution:
-        """Return the least-squares fit to some samples; raises ValueError where Ting's force has no value.
-
-        The unknowns are the logarithms of the free parameters, and the surface from the first touch on [units].
-        """
-        from scipy.optimize import least_squares
-        from scipy.signal import savgol_filter
-
-        time, model, count = samples.time[rows], self._problem.model, int(self._free.sum())
-        # Height and acceleration by local cubics over an odd number of samples; the tip's inertia is taken off.
-        interval = float(np.median(np.diff(time)))
-        window = max(2 * round(self._settings.smoothing / interval / 2) + 1, 5)
-        height = np.asarray(savgol_filter(samples.position[rows], window, 3), np.float64)
-        acceleration = np.asarray(savgol_filter(samples.position[rows], window, 3, deriv=2, delta=interval), np.float64)
-        force = samples.force[rows] + (self._problem.tip_mass or 0.0) * acceleration
-        grid = np.linspace(time[0], time[-1], _GRID_INSTANTS)
-        grid_height = np.interp(grid, time, height)
-        touch = float(samples.position[np.flatnonzero(samples.contact)[0]])
-        depth = max(touch - float(height.min()), _MIN_DEPTH)
-        surface_unit, reversal = _SURFACE_UNIT_SHARE * depth, min(_REVERSAL_SHARE * depth, _MAX_REVERSAL)
-
-        def parameters(x: Floats) -> Floats:
-            """Return all parameters (k,) of the unknowns."""
-            theta = self._start.copy()
-            theta[self._free] = np.exp(x[:count])
-            return theta
-
-        def model_force(x: Floats) -> Floats:
-            """Return Ting's force (n,) [N] at the samples."""
-            surface = touch + surface_unit * float(x[count])
-            grid_force = loading_cycle_force(model, grid, surface - grid_height, parameters(x).tolist(), reversal)
-            return np.asarray(np.interp(time, grid, grid_force))
-
-        start = self._scaled_start(model_force, force, count)
-        bounds = np.array([(max(p.lower, _MIN_PARAMETER), p.upper) for p in model.parameters])[self._free]
-        low = np.append(np.log(bounds[:, 0]), -_MAX_SURFACE_UNITS)
-        high = np.append(np.log(np.minimum(bounds[:, 1], _MAX_PARAMETER)), _MAX_SURFACE_UNITS)
-        minimum = least_squares(
-            lambda x: model_force(x) - force, np.clip(start, low + _BOUND_MARGIN, high - _BOUND_MARGIN),
-            bounds=(low, high), x_scale="jac", diff_step=_DIFFERENCE_STEP,
-        )  # fmt: skip
-        surface = touch + surface_unit * float(minimum.x[count])
-        return _TingSolution(parameters(minimum.x), surface, surface_unit, minimum.fun, minimum.jac)
-
-    def _scaled_start(self, model_force: Callable[[Floats], Floats], force: Floats, count: int) -> Floats:
-        """Return the unknowns to start from, with all moduli and viscosities scaled to the force (n,) [N] read.
-
-        The force is proportional to them together, so the scale is that of least squares. It is left out where a
-        parameter is fixed.
-        """
-        x = np.append(np.log(self._start[self._free]), 0.0)
-        shape = model_force(x)
-        scale = float(shape @ force) / max(float(shape @ shape), _SMALLEST)
-        if scale > 0 and self._free.all():
-            for i, parameter in enumerate(self._problem.model.parameters):
-                if parameter.unit in ("Pa", "Pa*s"):
-                    x[i] += math.log(scale)
-        return np.asarray(x[: count + 1])
-
-    def _estimates(
-        self, samples: Samples, rows: NDArray[np.bool_], idle: Estimates, solution: _TingSolution
-    ) -> Estimates:
-        """Return the estimates, flags and report of a converged fit.
-
-        n residuals with the autocorrelation r of neighbours count as n_eff = n (1 - r)/(1 + r) independent ones, as of
-        a first-order autoregression; so the covariance is s^2 (J^T J)^-1 n/n_eff.
-        """
-        theta, jacobian = solution.theta, solution.jacobian
-        order = places_in_order(self._problem.model, theta)
-        if self._free.all():
-            theta = theta[order]
-            jacobian = jacobian[:, [*order, len(order)]]
-        residual, n, count = solution.residual, len(solution.residual), int(self._free.sum())
-        # Covariance of the logarithms and the surface.
-        rss = float(residual @ residual)
-        autocorrelation = float(residual[1:] @ residual[:-1]) / max(rss, _SMALLEST)
-        positive = max(autocorrelation, 0.0)
-        effective_samples = max(n * (1 - positive) / (1 + positive), count + 2.0)
-        variance = rss / max(n - count - 1, 1)
-        covariance = scaled_inverse(jacobian.T @ jacobian) * variance * n / effective_samples
-        log_std = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.inf))
-        # Of a parameter the wider side of the 95 % interval, theta (exp(1.96 u) - 1), is 1.96 standard deviations.
-        std = np.zeros(len(theta))
-        std[self._free] = theta[self._free] * np.expm1(_QUANTILE * log_std[:count]) / _QUANTILE
-        surface_std = float(solution.surface_unit * log_std[count])
-        idle.values[rows], idle.std[rows] = theta, std
-        idle.surface[rows], idle.surface_std[rows] = solution.surface, surface_std
-        idle.force[rows] = samples.force[rows] + residual
-        idle.nis[rows], idle.status[rows] = 1.0, 0
-        idle.innovation[rows] = -residual / max(math.sqrt(variance), _SMALLEST)
-        # Evidence, the surface and the noise being parameters as well.
-        unknowns = {
-            p.name: Unknown(float(theta[i]), p.unit, bool(self._free[i]), float(std[i]), float(std[i]))
-            for i, p in enumerate(self._problem.model.parameters)
-        }
-        unknowns["surface"] = Unknown(solution.surface, "m", True, surface_std, surface_std)
-        bic = n * math.log(max(rss / n, _SMALLEST)) + (count + 2) * math.log(n)
-        report = FitReport(
-            rss, n, unknowns, aic=bic + (count + 2) * (2 - math.log(n)), bic=bic, basis="ting",
-            autocorrelation=autocorrelation, effective_samples=effective_samples,
-        )  # fmt: skip
-        correlation = covariance[:count, :count] / np.outer(log_std, log_std)[:count, :count]
-        return replace(idle, report=report, flags=tuple(self._flags(theta, std, correlation)))
-
-    def _flags(self, theta: Floats, std: Floats, correlation: Floats) -> Iterator[Flag]:
-        """Yield the flags of parameters, and pairs of them, that the record does not determine."""
-        parameters = self._problem.model.parameters
-        for place in np.flatnonzero(std > _USELESS_STD * np.abs(theta)):
-            parameter = parameters[place]
-            number, uncertainty = (number_with_unit(size, parameter.unit) for size in (theta[place], std[place]))
-            text = f"{parameter.name} of {number} has a std of {uncertainty}"
-            if parameter.role == "elastic":
-                yield Flag("not-identifiable", text)
-            else:
-                yield Flag("undetermined", text, effects={parameter.name: float(std[place])})
-        names = [parameters[place].name for place in np.flatnonzero(self._free)]
-        for i, j in combinations(range(len(names)), 2):
-            if abs(correlation[i, j]) > INDISTINCT:
-                text = f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.5f})"
-                yield Flag("hard-to-tell-apart", text, effects={})
