@@ -27,10 +27,10 @@ def surface_map_figure(
     width: float = WIDTHS["double"],
     excluded: Sequence[Mapping[str, float | None]] = (),
 ) -> Any:
-    """Draw value and relative standard deviation from three sides; dots are sites (n, 3) [m], crosses lumps x, y, z
-    [m] with their p.
+    """Draw value and its relative standard deviation from three sides, with sites (n, 3) [m] as dots.
 
-    Lumps have number and p in the view from above. With lumps that are excluded, their curve is in a row of its own.
+    Crosses are lumps x, y, z [m], p; they have number and p in the view from above. With lumps that are excluded, their
+    curve is in a row of its own.
     """
     figure, axes = figure_of(3, 3 if excluded else 2, width, 55.0)
     name, factor = display_unit(surface_map.unit)
