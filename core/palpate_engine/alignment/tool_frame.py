@@ -20,6 +20,7 @@ _MIN_AXIAL_COSINE = (
     0.5  # a choice: a force that is read farther off the tool's axis than 60 degrees is not the one along it
 )
 _MAX_COSINE_TO_Y = 0.9  # of a normal of which the cross product with y is well conditioned: a choice
+_AXES = 3  # of a force
 _HALF_TURN = (math.pi, 0.0, 0.0)
 
 Vector = tuple[Floats, Floats, Floats]  # of columns (n,)
@@ -132,20 +133,39 @@ class ToolFrame:
 
 def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, str]]:
     """Return key and problem of everything without which orientations cannot be used."""
-    force, position, problems = ports["force"], ports["position"], list[tuple[str, str]]()
+    force = ports["force"]
     projecting = "normal" if settings.normal is not None else "surface"
     key = projecting if settings.is_projecting else "weight"
+    problems = _orientation_problems(settings, ports["position"], key)
+    # A direction in the sensor's axes needs all three of them, and where they are on the tool.
+    if len(force.components) != _AXES:
+        problems.append(
+            (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
+        )
+        return problems
+    problems += _mounting_problems(settings, force)
+    speed = dict.fromkeys("xyz", "m/s")
+    if settings.is_projecting and "velocity" in ports.roles and not ports["velocity"].has(speed):
+        problems.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
+    return problems
+
+
+def _orientation_problems(settings: AlignmentSettings, position: Port, key: str) -> list[tuple[str, str]]:
+    """Return the problem of a position without an orientation, or of turns without an order, by the key that
+    needs it."""
+    problems: list[tuple[str, str]] = []
     turn = next((names for names in TURNS if position.has(names)), None)
     if turn is None or not position.has(PLACE):
         text = f"needs the tool's orientation, and {position.signal.channel} is of no pose: of a stream with x, y, z"
         problems.append((key, f"{text} and qx, qy, qz, qw, or rx, ry, rz, or roll, pitch, yaw"))
     elif "yaw" in turn and settings.euler is None:
         problems.append(("euler", 'is needed for roll, pitch and yaw: the order of the turns, such as "ZYX"'))
-    if len(force.components) != 3:
-        problems.append(
-            (key, f"needs all three axes of the force, and {force.signal.channel} has {len(force.components)}")
-        )
-        return problems
+    return problems
+
+
+def _mounting_problems(settings: AlignmentSettings, force: Port) -> list[tuple[str, str]]:
+    """Return the problem of a mounting that is not known, or by which the force is not along the tool."""
+    problems: list[tuple[str, str]] = []
     axis = force.components.index(force.column)
     mounting = mounting_of(settings, axis)
     if mounting is None:
@@ -156,9 +176,6 @@ def problems_of(settings: AlignmentSettings, ports: Ports) -> list[tuple[str, st
         problems.append(
             ("mounting", f"puts {force.signal.channel} {angle:.0f} deg off the tool's axis: name the axis along it")
         )
-    speed = dict.fromkeys("xyz", "m/s")
-    if settings.is_projecting and "velocity" in ports.roles and not ports["velocity"].has(speed):
-        problems.append((key, f"needs a velocity of three axes, and {ports['velocity'].signal.channel} is of no twist"))
     return problems
 
 
@@ -174,7 +191,8 @@ def axis_out(rows: Rotations) -> Vector:
 
 
 def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats, Floats, Floats, Floats]:
-    """Quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector, or roll, pitch and yaw [rad].
+    """Return quaternions x, y, z, w (n,) of what a pose has (n,): these, a rotation vector, or roll, pitch and yaw
+    [rad].
 
     Turns are in an `order` of axes, in capitals about the tool's own axes, in small letters about the frame's.
     """
@@ -186,20 +204,20 @@ def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats,
         share = 0.5 * np.sinc(0.5 * angle / math.pi)  # sin(a/2)/a
         return x * share, y * share, z * share, np.cos(0.5 * angle)
     assert order is not None  # the wiring was checked
-    about = {"x": turns["roll"], "y": turns["pitch"], "z": turns["yaw"]}
+    angles = {"x": turns["roll"], "y": turns["pitch"], "z": turns["yaw"]}
     zero = np.zeros_like(turns["roll"])
-    found = zero, zero, zero, zero + 1.0
+    quaternion = zero, zero, zero, zero + 1.0
     for axis in order.lower() if order.isupper() else reversed(order):
-        half = 0.5 * about[axis]
-        sine = [np.sin(half) if axis == one else zero for one in "xyz"]
-        found = _product(found, (sine[0], sine[1], sine[2], np.cos(half)))
-    return found
+        half = 0.5 * angles[axis]
+        sine = [np.sin(half) if axis == other_axis else zero for other_axis in "xyz"]
+        quaternion = _product(quaternion, (sine[0], sine[1], sine[2], np.cos(half)))
+    return quaternion
 
 
-def _product(one: tuple[Floats, ...], other: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats, Floats]:
-    """Of two quaternions x, y, z, w: the turn by the other, then by the one."""
-    a, b, c, d = one
-    x, y, z, w = other
+def _product(second: tuple[Floats, ...], first: tuple[Floats, ...]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the product of two quaternions x, y, z, w: the turn by the first, then by the second."""
+    a, b, c, d = second
+    x, y, z, w = first
     return (
         d * x + a * w + b * z - c * y,
         d * y - a * z + b * w + c * x,

@@ -14,6 +14,7 @@ from palpate.device import Device, is_live
 from palpate.errors import suggest
 from palpate.estimation import Estimator
 from palpate.key_mistakes import Mistake
+from palpate.parts import Settings
 from palpate.registry import Registry
 from palpate.trust import PluginFile, announce, approved_files, plugin_files_at_hand
 
@@ -27,7 +28,14 @@ from palpate_engine.config.dialects import choose_dialect
 from palpate_engine.config.file_version import demand_version
 from palpate_engine.config.mistakes import raise_mistakes
 from palpate_engine.config.part_builder import Builder, unknown_tables
-from palpate_engine.config.pipeline import Pipeline, RunSettings, Track, sphere_radii
+from palpate_engine.config.pipeline import (
+    CalibrationUse,
+    ControlUse,
+    Pipeline,
+    RunSettings,
+    Track,
+    sphere_radii,
+)
 from palpate_engine.config.pipeline_source import Source
 from palpate_engine.config.rig_settings import apply_rig
 from palpate_engine.config.safety_wiring import contradictions, wire_safety
@@ -56,18 +64,16 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     builder, registry, run = _begin(source)
     tables = source.tables
     # Each table becomes settings or parts. The builder notes what is wrong with one and goes on with the next.
-    stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
+    stated: AlignmentSettings | None = _settings_in(builder, tables, AlignmentSettings, "alignment")
     analyses = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
-    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
+    safety: SafetySettings | None = _settings_in(builder, tables, SafetySettings, "safety")
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     # The tables have to agree with each other.
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
     builder.mistakes += _wrong_rehearsal(run, kinds)
-    calibration, calibration_mistakes = calibration_of(run, stated, registry) if estimates else (None, [])
-    control, chart_mistakes = control_of(run, registry) if estimates else (None, [])
-    builder.mistakes += [*calibration_mistakes, *chart_mistakes]
-    builder.mistakes += [*_wrong_uncertainties(run, kinds["model"]), *_wrong_truth(run, kinds["model"])]
+    calibration, control, mistakes = _rig_measurements(run, stated, registry) if estimates else (None, None, [])
+    builder.mistakes += [*mistakes, *_wrong_uncertainties(run, kinds["model"]), *_wrong_truth(run, kinds["model"])]
     # A calibration fills in what the file leaves open, and the arm knows where gravity is.
     alignment = stated
     if calibration and stated:
@@ -111,8 +117,23 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         inherited={".".join(key): place for key, place in source.inherited.items() if not source.is_stated(key)},
         looser_limits=looser,
     )
+    # Patterns of assumed keys become the keys themselves, less those that the command line states.
     assumed = assumed_keys(run.assumed, pipeline, source.overridden)
     return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
+
+
+def _settings_in(builder: Builder, tables: Mapping[str, Any], settings: type[Settings], name: str) -> Any:
+    """Return the settings of a plain table of a pipeline; None where it is missing or not in order."""
+    return builder.settings(settings, (name,)) if name in tables else None
+
+
+def _rig_measurements(
+    run: RunSettings | None, stated: AlignmentSettings | None, registry: Registry
+) -> tuple[CalibrationUse | None, ControlUse | None, list[Mistake]]:
+    """Return the calibration and the control chart that ``[run]`` names, and what is wrong with them."""
+    calibration, calibration_mistakes = calibration_of(run, stated, registry)
+    control, chart_mistakes = control_of(run, registry)
+    return calibration, control, [*calibration_mistakes, *chart_mistakes]
 
 
 def _begin(source: Source) -> tuple[Builder, Registry, RunSettings | None]:

@@ -41,14 +41,8 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
     fields = known.find("indenter", tip_type).model_fields
     keys = [*fields, "diameter"] if "radius" in fields else list(fields)
     required_keys = [key for key, field in fields.items() if field.is_required()]
-    # A value without a key belongs to the first key that the tip needs.
     if tokens and tokens[0] not in keys:
-        if tokens[0][:1].isalpha():
-            problem = f"has no {tokens[0]!r}{suggest(tokens[0], keys)}"
-            raise ConfigurationError(f"{label}: {name} {problem} (keys: {', '.join(keys)})")
-        if not required_keys:
-            raise ConfigurationError(f"{label}: {name} needs a key each (keys: {', '.join(keys)})")
-        tokens = [required_keys[0], *tokens]
+        tokens = [_key_left_out(tokens[0], keys, required_keys, f"{label}: {name}"), *tokens]
     # A diameter has become a radius by now; what is missing still has no value.
     values = _values_by_key(tokens, keys, label)
     missing = [key for key in required_keys if not values.get(key)]
@@ -56,6 +50,18 @@ def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
         example = ", ".join([f"{name} VALUE", *(f"{key} VALUE" for key in required_keys[1:])])
         raise ConfigurationError(f'{label}: {name} needs its {missing[0]}, as in "{example}"')
     return {"type": tip_type, **values}
+
+
+def _key_left_out(value: str, keys: Sequence[str], required_keys: Sequence[str], label: str) -> str:
+    """Return the key of a first value without one: the first key that the tip needs.
+
+    Raises ConfigurationError for a word that is not a key, and for a tip that needs none.
+    """
+    if value[:1].isalpha():
+        raise ConfigurationError(f"{label} has no {value!r}{suggest(value, keys)} (keys: {', '.join(keys)})")
+    if not required_keys:
+        raise ConfigurationError(f"{label} needs a key each (keys: {', '.join(keys)})")
+    return required_keys[0]
 
 
 def _values_by_key(tokens: Sequence[str], keys: Sequence[str], label: str) -> dict[str, Any]:

@@ -120,14 +120,14 @@ def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> di
     """Return the facts of a record by its alignment: length, tare, delay of the velocity, first touch."""
     tare, touch, delay = report.tare, report.first_touch, report.velocity_delay
     offset = tare and {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise, "until": tare.until}
-    by = "change-point" if report.by_change_point else "threshold"
+    method = "change-point" if report.by_change_point else "threshold"
     return {
         "samples": report.samples,
         "log_duration": report.duration,
         "tare": offset,
         "velocity_delay": delay and {"value": delay[0], "std": delay[1]},
         **({"turned_tool": asdict(report.turned)} if report.turned is not None else {}),
-        "first_touch": touch and {"time": touch[0], "position": touch[1], "by": by, "lag": settings.touch_lag},
+        "first_touch": touch and {"time": touch[0], "position": touch[1], "by": method, "lag": settings.touch_lag},
     }
 
 
@@ -177,26 +177,34 @@ def _assumed_conditions(pipeline: Pipeline, track: TrackResult) -> Iterator[Cond
     keys = [key for key in keys if not _is_diagnosed(key, pipeline.alignment)]
     if not keys:
         return
-    # The assumed values of these settings.
-    assumed = values_on_trust(pipeline)
-    others = [key for key in keys if not assumed.get(key)]
-    settings = tomllib.loads(resolved_text(pipeline)) if others else {}
-    assumed = {**assumed, **{key: _setting(settings, key) for key in others}}
-    values = {**track.parameters, **{value.name: value.found for value in track.derived}}
-    for key in keys:
-        if key.startswith("device.") and key.endswith(".rate"):
-            timed = [name for name, value in values.items() if _SECOND.search(value.unit)]
-            text, remedy = f"{float(assumed[key]):g} rows in a second", f'--set "{key}=VALUE"'
-            yield Condition("rate", text, remedy, "another rate", dict.fromkeys(timed, math.inf), "assumed")
-            continue
-        if (column := _COLUMN_UNIT.fullmatch(key)) is not None:
-            fact = f"{UNIT_OF}{column[1]}"
-            yield Condition(fact, f"{fact}: {assumed[key]}", remedy_of(fact), code="assumed")
-            continue
-        of_tip = key.startswith("indenter.")
-        shifts = dict.fromkeys(values, math.inf)
-        text, remedy = f"{key} = {assumed[key]}", f'--set "{key}=VALUE"'
-        yield Condition(key, text, remedy, "another tip" if of_tip else "", shifts if of_tip else {}, "assumed")
+    units = {name: value.unit for name, value in track.parameters.items()}
+    units |= {value.name: value.found.unit for value in track.derived}
+    for key, text in _assumed_texts(keys, pipeline).items():
+        yield _assumed_condition(key, text, units)
+
+
+def _assumed_texts(keys: Sequence[str], pipeline: Pipeline) -> dict[str, str]:
+    """Return the assumed values of settings, by key; those without a display unit as the resolved pipeline has them."""
+    texts = values_on_trust(pipeline)
+    plain_keys = [key for key in keys if not texts.get(key)]
+    settings = tomllib.loads(resolved_text(pipeline)) if plain_keys else {}
+    return {key: _setting(settings, key) if key in plain_keys else texts[key] for key in keys}
+
+
+def _assumed_condition(key: str, text: str, units: Mapping[str, str]) -> Condition:
+    """Return the condition of a setting that nobody stated, on the values of a track with these units, by name."""
+    remedy = f'--set "{key}=VALUE"'
+    # Another rate may be any factor on all that has a second in its unit.
+    if key.startswith("device.") and key.endswith(".rate"):
+        timed = [name for name, unit in units.items() if _SECOND.search(unit)]
+        rows = f"{float(text):g} rows in a second"
+        return Condition("rate", rows, remedy, "another rate", dict.fromkeys(timed, math.inf), "assumed")
+    if (column := _COLUMN_UNIT.fullmatch(key)) is not None:
+        fact = f"{UNIT_OF}{column[1]}"
+        return Condition(fact, f"{fact}: {text}", remedy_of(fact), code="assumed")
+    if key.startswith("indenter."):
+        return Condition(key, f"{key} = {text}", remedy, "another tip", dict.fromkeys(units, math.inf), "assumed")
+    return Condition(key, f"{key} = {text}", remedy, "", {}, "assumed")
 
 
 def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:

@@ -122,13 +122,15 @@ class Tracks:
             self._blocks.append(samples)
         if self._threads is None or len(samples) < _MIN_BLOCK or len(self.online) < 2:
             return {track.track.name: track.run(samples) for track in self.online}
-        first, *others = self.online
-        futures = [self._threads.submit(track.run, samples) for track in others]
+        first_track, *parallel_tracks = self.online
+        futures = [self._threads.submit(track.run, samples) for track in parallel_tracks]
         try:
-            estimates: dict[str, Estimates] = {first.track.name: first.run(samples)}
+            estimates: dict[str, Estimates] = {first_track.track.name: first_track.run(samples)}
         finally:
             wait(futures)
-        return estimates | {track.track.name: future.result() for track, future in zip(others, futures, strict=True)}
+        return estimates | {
+            track.track.name: future.result() for track, future in zip(parallel_tracks, futures, strict=True)
+        }
 
     def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
         """Return all samples and their estimates by the offline estimators, by track; None if the run has none."""
@@ -143,8 +145,8 @@ class Tracks:
         results: dict[str, TrackResult] = {
             running.track.name: running.result(report, settings, average) for running in self.running
         }
-        every = pipeline.registry.diagnoses
-        diagnoses = {name: diagnosis for name, diagnosis in every.items() if detail or not diagnosis.detail}
+        registered = pipeline.registry.diagnoses
+        diagnoses = {name: diagnosis for name, diagnosis in registered.items() if detail or not diagnosis.detail}
         results = self._diagnose(results, pipeline, report, diagnoses)
         for running in self.running:
             name = running.track.name
@@ -202,8 +204,8 @@ def _compare(running: RunningTrack, result: TrackResult, tip_mass: float | None,
 
 def _other_parameters(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
     """Return the names of the parameters of the other models, by model."""
-    others = {name: other for name, other in pipeline.models.items() if name != model}
-    return {name: tuple(parameter.name for parameter in other.parameters) for name, other in others.items()}
+    models = {name: other for name, other in pipeline.models.items() if name != model}
+    return {name: tuple(parameter.name for parameter in other.parameters) for name, other in models.items()}
 
 
 def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[RunningTrack]:
@@ -217,9 +219,9 @@ def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[Runni
     for track in pipeline.tracks:
         part_failure = PartFailure(track, pipeline.registry)
         settings = pipeline.alignment
-        others = _other_parameters(pipeline, track.name.model)
+        other_parameters = _other_parameters(pipeline, track.name.model)
         problem = Problem(
-            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, others,
+            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, other_parameters,
             settings.zero_uncertainty, settings.force_zero,
         )  # fmt: skip
         try:

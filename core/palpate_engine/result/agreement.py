@@ -34,8 +34,8 @@ def contradictions(tracks: Mapping[str, TrackResult]) -> dict[str, Flag]:
     flags: dict[str, Flag] = {}
     while pairs:
         counts = Counter(name for pair in pairs for name in pair)
-        most = max(counts.values())
-        for name in [name for name in good if counts[name] == most]:
+        largest_count = max(counts.values())
+        for name in [name for name in good if counts[name] == largest_count]:
             flags[name] = _contradiction_of(name, pairs)
         pairs = {pair: distances for pair, distances in pairs.items() if not flags.keys() & set(pair)}
     return flags
@@ -43,14 +43,14 @@ def contradictions(tracks: Mapping[str, TrackResult]) -> dict[str, Flag]:
 
 def _contradiction_of(name: str, pairs: Mapping[tuple[str, str], Mapping[str, float]]) -> Flag:
     """Return the flag of a track with those that contradict it, and the largest distance of each value."""
-    others: list[str] = []
+    contradicting: list[str] = []
     effects: dict[str, float] = {}
     for pair, distances in pairs.items():
         if name in pair:
-            others.append(pair[1 - pair.index(name)])
+            contradicting.append(pair[1 - pair.index(name)])
             for parameter, distance in distances.items():
                 effects[parameter] = max(distance, effects.get(parameter, 0.0))
-    return Flag("contradicted", f"{', '.join(others)} finds another {', '.join(effects)}", effects=effects)
+    return Flag("contradicted", f"{', '.join(contradicting)} finds another {', '.join(effects)}", effects=effects)
 
 
 def _is_swept(track: TrackResult) -> bool:

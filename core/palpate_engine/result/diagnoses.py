@@ -77,10 +77,10 @@ def apply_diagnoses(
         return tuple(name for name in names if label in findings[name])
 
     has_values = {label: bool(np.isfinite(track.values).all()) for label, track in evidence.items()}
-    for name, before in _order(tuple(diagnoses.items())):
+    for name, predecessors in _order(tuple(diagnoses.items())):
         diagnosis = diagnoses[name]
         labels = [label for label in evidence if diagnosis.lost or has_values[label]]
-        tracks_before = [updated(label, with_findings_on(label, before)) for label in labels]
+        tracks_before = [updated(label, with_findings_on(label, predecessors)) for label in labels]
         findings[name] = _findings(name, diagnosis, tracks_before) if labels else {}
     return {label: diagnosed(label, with_findings_on(label, findings)) for label in tracks}
 
@@ -107,14 +107,16 @@ def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[
     except CycleError as error:
         raise PluginError(f"diagnoses wait for each other: {', '.join(map(repr, error.args[1]))}") from error
     order = list[str]()
-    before = dict[str, set[str]]()  # predecessors, and theirs in turn
+    all_predecessors = dict[str, set[str]]()  # predecessors, and theirs in turn
     while sorter.is_active():
         ready = set(sorter.get_ready())
         for name in (name for name in diagnoses if name in ready):
-            before[name] = predecessors[name].union(*(before[other] for other in predecessors[name]))
+            all_predecessors[name] = predecessors[name].union(
+                *(all_predecessors[other] for other in predecessors[name])
+            )
             order.append(name)
         sorter.done(*ready)
-    return [(name, [other for other in order if other in before[name]]) for name in order]
+    return [(name, [other for other in order if other in all_predecessors[name]]) for name in order]
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:

@@ -77,8 +77,8 @@ def weigh(
             continue
         findings.append((finding, _largest_ratio(flag, values)))
         for name in moved:
-            word: Verdict = "invalid" if _is_voided(flag, name, registry) else flag.severity or "doubtful"
-            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(word))]
+            severity: Verdict = "invalid" if _is_voided(flag, name, registry) else flag.severity or "doubtful"
+            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(severity))]
     findings.sort(key=lambda finding: (-VERDICTS.index(finding[0].severity or "doubtful"), -finding[1]))
 
     # Without a rate a viscosity has no size: it needs the rate before it can be undetermined.
@@ -124,9 +124,9 @@ def _moved_values(flag: Flag, values: Mapping[str, UncertainValue]) -> tuple[str
 
 def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
     """Return the effect of a flag on a value over the standard uncertainty of all other causes."""
-    effect, others = (flag.effects or {})[name], value.without(*(flag.causes or ()))
-    if others > 0:
-        return effect / others
+    effect, other_uncertainty = (flag.effects or {})[name], value.without(*(flag.causes or ()))
+    if other_uncertainty > 0:
+        return effect / other_uncertainty
     return math.inf if effect > 0 else 0.0
 
 

@@ -57,13 +57,15 @@ class TrackResult:
         weighed = weigh([*self.flags, *self._no_estimate_flag(registry)], free, registry, self.conditions)
         record_word = verdict(of_record)
         record_verdict = record_word if record_word in ("doubtful", "invalid") else "good"
-        by_parameter = {name: _worse(record_verdict, word) for name, word in weighed.by_value.items()}
+        by_parameter = {name: _worse(record_verdict, value_verdict) for name, value_verdict in weighed.by_value.items()}
         track_verdict = _track_verdict(by_parameter) or verdict_word(verdict((*of_record, *weighed.findings)))
 
         # Each value that follows from the parameters, no better than the track.
         derived_values = {value.name: value.found for value in self.derived}
         by_derived = weigh((), derived_values, registry, self.conditions).by_value
-        by_derived = {name: _worse(_as_doubt(track_verdict), word) for name, word in by_derived.items()}
+        by_derived = {
+            name: _worse(_as_doubt(track_verdict), value_verdict) for name, value_verdict in by_derived.items()
+        }
 
         parameters = {
             name: replace(value, verdict=by_parameter.get(name, record_verdict))
@@ -133,8 +135,8 @@ class TrackResult:
 
 def _chief_verdict(by_value: Mapping[str, str], worst: str) -> str:
     """Return the verdict of the elasticity, a doubt where that alone is void; without one the worst of all."""
-    word = by_value.get("elasticity", worst)
-    return "doubtful" if word == "invalid" else word
+    chief = by_value.get("elasticity", worst)
+    return "doubtful" if chief == "invalid" else chief
 
 
 def _track_verdict(by_value: Mapping[str, str]) -> str:
@@ -142,34 +144,34 @@ def _track_verdict(by_value: Mapping[str, str]) -> str:
 
     Where no value has a number, the word of the first; empty without values.
     """
-    words = [word for word in by_value.values() if word in VERDICTS]
-    if not words:
+    verdicts = [value_verdict for value_verdict in by_value.values() if value_verdict in VERDICTS]
+    if not verdicts:
         return next(iter(by_value.values()), "")
-    if all(word == "invalid" for word in by_value.values()):
+    if all(value_verdict == "invalid" for value_verdict in by_value.values()):
         return "invalid"
-    return max(map(_as_doubt, words), key=_rank)
+    return max(map(_as_doubt, verdicts), key=_rank)
 
 
-def _as_doubt(word: str) -> str:
+def _as_doubt(value_verdict: str) -> str:
     """Return the verdict that one value gives to others: a doubt where it is void, good where it has no number."""
-    if word == "invalid":
+    if value_verdict == "invalid":
         return "doubtful"
-    return word if word in VERDICTS else "good"
+    return value_verdict if value_verdict in VERDICTS else "good"
 
 
-def _rank(word: str) -> int:
+def _rank(value_verdict: str) -> int:
     """Return the rank of a verdict, the higher the worse; a value without a number counts as a good one."""
-    return VERDICTS.index(word) if word in VERDICTS else 0
+    return VERDICTS.index(value_verdict) if value_verdict in VERDICTS else 0
 
 
-def _worse(record_verdict: str, word: str) -> str:
+def _worse(record_verdict: str, value_verdict: str) -> str:
     """Return the word of a value on a record with a verdict: the worse of both.
 
     A value without a number keeps its word, unless the record is invalid.
     """
-    if record_verdict == "invalid" or word in VERDICTS:
-        return max(record_verdict, word, key=_rank)
-    return word
+    if record_verdict == "invalid" or value_verdict in VERDICTS:
+        return max(record_verdict, value_verdict, key=_rank)
+    return value_verdict
 
 
 class TrackSummary(Protocol):
