@@ -1,1 +1,1 @@
-"""What every arm needs, whoever makes it: limits of its commands, servo, pace, reach, force, setpoints in memory."""
+"""Parts that every arm needs, whoever makes it: limits of commands, servo, pace, reach, force, setpoints in memory."""

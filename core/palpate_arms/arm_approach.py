@@ -17,44 +17,46 @@ from palpate_arms.reach import ArmReach
 from palpate_arms.start_path import FirstStation, start_path
 from palpate_arms.station_plane import LEVEL, StationPlane
 
-_FROM_END = math.radians(3.0)  # from which a joint has no room for the way
+_END_MARGIN = math.radians(3.0)  # a choice: nearer to its end a joint has no room for the way
+_MM = 1e3  # per metre
 
 
 class ArmApproach:
-    """From where an arm stands to where a motion begins; every method raises DeviceError, with the arm's title."""
+    """The way from where an arm stands to where a motion begins; methods raise DeviceError, with the arm's title."""
 
     def __init__(self, settings: ArmSettings, states: ArmStates, model: ArmModel, tool: Floats) -> None:
         self._settings, self._states = settings, states
         self._model, self._tool = model, tool
         self._station: FirstStation | None = None  # of the motion that is about to be made
-        self._reached: Trajectory | None = None  # the motion whose places were looked at
+        self._reached: Trajectory | None = None  # the motion whose places were checked
 
     @property
     def plane(self) -> StationPlane:
-        """That of the first station; level as long as none is known."""
+        """The plane of the first station; level as long as none is known."""
         return LEVEL if self._station is None else self._station.plane
 
     @property
     def place(self) -> Floats:
-        """Where the tip is (3,) [m] in the work frame."""
+        """The place (3,) [m] of the tip in the work frame."""
         if self._states.position is None:
             raise self._error("the arm's position is unknown")
         return self._states.position
 
     def path(self, trajectory: Trajectory, limits: ArmLimits | None) -> tuple[Floats, Setpoint]:
-        """Times (n,) [s] and setpoints of the way."""
+        """Return times (n,) [s] and setpoints of the way."""
+        # The tip is near the start, and the arm in a posture that it may leave.
         settings, position, rotation = self._settings, self.place, self._states.rotation
         station = FirstStation.of(trajectory, settings.work)
-        start = station.place
-        away = float(np.linalg.norm(start - position))
-        if away > settings.start_tolerance:
-            here = ", ".join(f"{1e3 * x:.1f}" for x in position)
+        distance = float(np.linalg.norm(station.place - position))
+        if distance > settings.start_tolerance:
+            place = ", ".join(f"{_MM * x:.1f}" for x in position)
             raise self._error(
-                f"the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
-                f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
+                f"the tip is at ({place}) mm in the work frame, {_MM * distance:.1f} mm from where the "
+                f"motion starts; bring it within {_MM * settings.start_tolerance:g} mm by hand"
             )
         if (text := self._posture_problem()) is not None:
             raise self._error(text)
+        # The limits bound the way, and decide whether the arm can follow the motion at all.
         law = settings.law
         if limits is not None:
             self._refuse_turn(station, limits)
@@ -69,14 +71,15 @@ class ArmApproach:
     def _refuse_turn(self, station: FirstStation, limits: ArmLimits) -> None:
         """Raise where the tool is turned too far from how the motion begins."""
         work, rotation = self._settings.work, self._states.rotation
+        # From the first normal, or without one from the work frame.
         turn, advice = agreement(work, rotation)
-        wanted = "the work frame's orientation"
+        reference = "the work frame's orientation"
         if station.turn is not None:
             turn = float(np.linalg.norm(station.turn_from(work, rotation)))
-            wanted, advice = "the normal of the first place", "turn it to the normal of the first place by hand"
+            reference, advice = "the normal of the first place", "turn it to the normal of the first place by hand"
         if turn > limits.orientation:
             raise self._error(
-                f"the tool is turned by {math.degrees(turn):.1f} deg from {wanted}, "
+                f"the tool is turned by {math.degrees(turn):.1f} deg from {reference}, "
                 f"more than [safety] orientation = {math.degrees(limits.orientation):g} deg; {advice}"
             )
 
@@ -85,25 +88,27 @@ class ArmApproach:
         settings, speed = self._settings, limits.retract_speed
         if speed <= limits.speed:
             return
+        # Joint speeds of the tip along the normal, by the inverse of the Jacobian.
         normal = settings.work.matrix[:3, :3] @ station.plane.normal
         jacobian = self._model.tip(self._states.joints, self._tool)[1]
         speeds = np.abs(inverse_of(jacobian)[:, :3] @ (speed * normal))
         joint = int(np.argmax(speeds))
         if speeds[joint] > settings.joint_speed:
             raise self._error(
-                f"at [safety] retract_speed = {1e3 * speed:g} mm/s {self._model.joints[joint]} would turn at "
+                f"at [safety] retract_speed = {_MM * speed:g} mm/s {self._model.joints[joint]} would turn at "
                 f"{math.degrees(speeds[joint]):.0f} deg/s, over joint_speed = {math.degrees(settings.joint_speed):g} "
                 "deg/s: lower it, raise joint_speed, or bring the arm into another posture"
             )
 
     def _posture_problem(self) -> str | None:
         """Return why the arm must not set out from the posture in which it stands; None where it may."""
-        model, slack, joints = self._model, _FROM_END, self._states.joints
+        model, joints = self._model, self._states.joints
         for joint, angle, low, high in zip(model.joints, joints, model.low, model.high, strict=True):
-            if not low + slack <= angle <= high - slack:
-                where, end = (math.degrees(x) for x in (angle, low if angle < low + slack else high))
+            if not low + _END_MARGIN <= angle <= high - _END_MARGIN:
+                end = low if angle < low + _END_MARGIN else high
                 return (
-                    f"{joint} is at {where:.0f} deg, near its end at {end:.0f} deg: bring the arm into another posture"
+                    f"{joint} is at {math.degrees(angle):.0f} deg, near its end at {math.degrees(end):.0f} deg: bring "
+                    "the arm into another posture"
                 )
         return SINGULAR if is_singular(model.tip(joints, self._tool)[1]) else None
 
@@ -119,4 +124,5 @@ class ArmApproach:
         self._reached = trajectory
 
     def _error(self, text: str) -> DeviceError:
+        """Return an error with the arm's title."""
         return DeviceError(f"{self._settings.title}: {text}")

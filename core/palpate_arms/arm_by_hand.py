@@ -14,12 +14,13 @@ from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 if TYPE_CHECKING:
     from palpate_arms.arm_link import ArmLink
 
-LISTEN = 0.5  # [s] of a standstill
-_STILL = 0.2e-3  # [m] that the tip may move meanwhile
+# Choices.
+LISTEN = 0.5  # [s] of a standstill, over which a posture is the mean
+_MAX_MOVE = 0.2e-3  # [m] that the tip may move meanwhile
 
 
 class UnsteadyError(Exception):
-    """The arm moved while it was read, and by how much."""
+    """A movement of the arm while it was read; the message has its size."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Posture:
 
 
 class HandReader(Protocol):
-    """What reads an arm while a person leads it."""
+    """A reader of an arm that a person leads."""
 
     tool: Floats  # (4, 4) the tip on the flange
 
@@ -46,14 +47,15 @@ def mean_pose(places: Floats, vectors: Floats) -> Floats:
 
     Raises UnsteadyError where the places are not.
     """
-    moved = float(np.ptp(places, axis=0).max())
-    if moved > _STILL:
-        raise UnsteadyError(f"the tip moved by {1e3 * moved:.1f} mm: let go of freedrive, and keep off")
+    movement = float(np.ptp(places, axis=0).max())
+    if movement > _MAX_MOVE:
+        raise UnsteadyError(f"the tip moved by {1e3 * movement:.1f} mm: let go of freedrive, and keep off")
     pose = np.eye(4)
     pose[:3, 3] = places.mean(axis=0)
-    first = rotation_matrix(vectors[0].tolist())  # near half a turn the signs of vectors are up to chance
-    away = [rotation_vector(first.T @ rotation_matrix(vector.tolist())) for vector in vectors]
-    pose[:3, :3] = first @ rotation_matrix(np.mean(away, axis=0).tolist())
+    # The mean of turns from the first orientation: near half a turn the signs of rotation vectors are up to chance.
+    first = rotation_matrix(vectors[0].tolist())
+    turns = [rotation_vector(first.T @ rotation_matrix(vector.tolist())) for vector in vectors]
+    pose[:3, :3] = first @ rotation_matrix(np.mean(turns, axis=0).tolist())
     return pose
 
 
@@ -80,7 +82,7 @@ class _ObservedArm:
 
 @contextmanager
 def observed_by_hand(name: str, connection: AbstractContextManager[Link]) -> Iterator[HandReader]:
-    """A reader of any arm that is observed by a connection; raises DeviceError."""
+    """Yield a reader of any arm that is observed by a connection; raises DeviceError."""
     from palpate_arms.arm_link import ArmLink
 
     with connection as link:

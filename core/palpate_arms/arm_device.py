@@ -24,17 +24,18 @@ class ArmDevice(ArmSettings):
         return self._connected(observe=False)
 
     def observe(self, seed: int) -> AbstractContextManager[Link]:
-        """Its states; a running program continues."""
+        """Return the arm as it is observed; a running program continues."""
         return self._connected(observe=True)
 
     def by_hand(self, weighs: bool) -> AbstractContextManager[HandReader]:
-        """What reads it while a person leads it, for `calibrate teach`; `weighs`: with the wrench in its flange."""
+        """Return its reader while a person leads it, for `calibrate teach`; `weighs`: with the wrench in its flange."""
         from palpate_arms.arm_by_hand import observed_by_hand
 
         return observed_by_hand(self.title, self.observe(0))
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:
+        """Yield the arm, in a process that ends with the connection; raises DeviceError."""
         from palpate import DeviceError
         from palpate_kit.acquisition.child import Child
 
@@ -55,14 +56,14 @@ class ArmDevice(ArmSettings):
             child.close()
 
     def _task(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
-        """What its process is to know, as plain data."""
+        """Return what its process needs, as plain data."""
         from palpate_kit.acquisition.class_place import class_place
 
         model = self.arm_model
         sound = {"sound_status": dict(self.status_channels), "stop_modes": None}
         if (modes := self.stop_modes) is not None:
             sound["stop_modes"] = asdict(modes)
-        own = {key: getattr(self, key) for key in ("joint_speed", "tracking", "deadband", "links_low", "links_high")}
+        limits = {key: getattr(self, key) for key in ("joint_speed", "tracking", "deadband", "links_low", "links_high")}
         return {
             "driver": class_place(self.driver()),
             "settings": {**sound, **self.driver_settings(identity, observe)},
@@ -70,7 +71,7 @@ class ArmDevice(ArmSettings):
             "tool": matrix_of([*self.tcp, *(self.tcp_rotation or (0.0, 0.0, 0.0))]).ravel().tolist(),
             "joints": len(self.joint_names),
             "status": len(self.status_channels),
-            "own": {**own, "lag": self.command_lag, "stiffness": self.controller_stiffness},
+            "own": {**limits, "lag": self.command_lag, "stiffness": self.controller_stiffness},
             "law": asdict(self.law),
             "work": self.work.model_dump(),
             "observe": observe,

@@ -1,4 +1,4 @@
-"""What the driver of an arm consists of: connect, read a state, send a pose, stop, and what its states mean."""
+"""The driver of an arm: connect, read a state, send a pose, stop, and the meaning of its states."""
 
 from __future__ import annotations
 
@@ -15,13 +15,11 @@ from palpate_kit.kinematics.arm_model import ArmModel
 from palpate_kit.kinematics.rotations import matrix_of
 
 NO_WRENCH = (math.nan,) * 6
-KINEMATICS_TOLERANCE = (
-    5e-3  # [m] from the controller's pose to that of a nominal model: real arms differ by millimetres
-)
+KINEMATICS_TOLERANCE = 5e-3  # [m] from the controller's pose to a nominal model's: real arms differ so far (0246)
 
 
 class ArmFaultError(Exception):
-    """Why the arm cannot go on, in words for the person at the robot; the motion ends at once, where it is."""
+    """A fault with which the arm cannot go on, for the person at the robot; the motion ends at once, where it is."""
 
 
 class DeadLinkError(ArmFaultError):
@@ -54,7 +52,7 @@ class ArmDriver(ABC):
     looks at every state, watches the force and the age of everything, and stops on its own.
     """
 
-    settle = 0.2  # [s] until states show what `connect` has set
+    settle = 0.2  # [s], a choice: until states show what `connect` has set
     has_watchdog = False  # whether the controller stops by itself, at once, where commands stay away
     answers_stop = False  # whether `stop` returns only once the controller has answered that it stops
 
@@ -67,7 +65,7 @@ class ArmDriver(ABC):
 
     @property
     def reservation(self) -> str:
-        """What no other program may use meanwhile: by default the address of the controller."""
+        """The name of what no other program may use meanwhile: by default the address of the controller."""
         return network_device(str(self.settings["host"]), 0)
 
     @abstractmethod
@@ -93,21 +91,22 @@ class ArmDriver(ABC):
         """Stop where the arm is, and give it back; may wait for the controller."""
 
     def close(self) -> None:  # noqa: B027  (a link may close with its process)
-        """End the connection, of an arm that stands."""
+        """End the connection to an arm that stands."""
 
     def identify(self, reading: ArmReading) -> None:
-        """See from the first state whether this is the arm of the model, with its tool; raises DeviceError."""
+        """Check by the first state that this is the arm of the model, with its tool; raises DeviceError."""
         if self.model is None:
             raise DeviceError("its kinematic model is not known")
         if reading.pose is None:
             return
-        own = self.model.tip(list(reading.joints), self.tool)[0]
-        apart = float(np.linalg.norm(own[:3, 3] - matrix_of(list(reading.pose))[:3, 3]))
-        self.facts["nominal_kinematics_off"] = apart
-        if apart > KINEMATICS_TOLERANCE:
+        # The tip by the joints, against the controller's.
+        nominal = self.model.tip(list(reading.joints), self.tool)[0]
+        distance = float(np.linalg.norm(nominal[:3, 3] - matrix_of(list(reading.pose))[:3, 3]))
+        self.facts["nominal_kinematics_off"] = distance
+        if distance > KINEMATICS_TOLERANCE:
             raise DeviceError(
-                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put "
-                "it: is this another arm, or another tool?"
+                f"the controller reports the tip {1e3 * distance:.1f} mm from where the joints of a {self.model.name} "
+                "put it: is this another arm, or another tool?"
             )
 
     def target(self) -> Sequence[float] | None:
@@ -118,10 +117,10 @@ class ArmDriver(ABC):
         return None
 
     def enable(self) -> None:  # noqa: B027
-        """Last action before commands are sent, such as starting a watchdog that must be fed."""
+        """Do what is last before commands are sent, such as starting a watchdog that must be fed."""
 
     def keep_alive(self) -> None:  # noqa: B027
-        """What a controller needs in each period without a command."""
+        """Do what a controller needs in each period without a command."""
 
     def check(self, reading: ArmReading) -> None:  # noqa: B027
         """Raise ArmFaultError where a state says that the arm cannot go on: its mode, its errors, a reflex by name."""
@@ -140,7 +139,7 @@ class ArmDriver(ABC):
 
     @property
     def unheard(self) -> float:
-        """For how long [s] the controller has taken none of the commands on their way; 0 if not known."""
+        """The time [s] for which the controller has taken none of the commands on their way; 0 if not known."""
         return 0.0
 
     @property
@@ -150,9 +149,9 @@ class ArmDriver(ABC):
 
     @property
     def ahead(self) -> float:
-        """How far [m] the latest command is from what the controller has taken before it; 0 if not known."""
+        """The distance [m] of the latest command from what the controller has taken before it; 0 if not known."""
         return 0.0
 
     def explain(self) -> str | None:
-        """What else is known about a state that makes no sense; None where nothing is."""
+        """Return what else is known about a state that makes no sense; None where nothing is."""
         return None

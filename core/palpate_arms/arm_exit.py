@@ -19,7 +19,7 @@ from palpate_arms.servo import Commander
 from palpate_arms.setpoint_buffer import PERIOD
 
 _DISOBEDIENCE = "the arm does not obey: it was stopped, and no states show that its tip stands"
-_SLOW = 0.5e-3  # [m/s] of commands, a choice: below it an arm is not commanded to move; as a standstill shows
+_STILL_SPEED = 0.5e-3  # [m/s] of commands, a choice: below it an arm is not commanded to move; as a standstill shows
 
 
 class ArmExit:
@@ -37,12 +37,14 @@ class ArmExit:
 
     def finish(self, commander: Commander | None, facts: dict[str, Any], take_state: Callable[[], object]) -> NoReturn:
         """End a motion that is over, one way or the other, with `facts` of it; go when the main job says so."""
+        # The arm has to stand before the motion is reported as done.
         standstill = self._come_to_rest(commander, _DISOBEDIENCE, True)
         if standstill.complaint or not standstill.is_shown:
             fault = standstill.complaint.removeprefix(" And ").strip() or _DISOBEDIENCE
             self._parent.tell("fault", text=fault, stands=standstill.is_shown)
             host().leave(1)
         self._parent.tell("done", **facts)
+        # States are recorded until the main job closes.
         while not self._parent.gone:
             self._ring.beat(clock().now_ns())
             take_state()
@@ -65,10 +67,12 @@ class ArmExit:
         A lost link to a controller with a watchdog is left at once: what is on it must not be carried out later. Other
         faults of an arm with a watchdog stop it by the lack of commands, where its states can be trusted.
         """
+        # A lost link, with a watchdog: at once.
         text, driver = str(fault), self._robot.driver
         if isinstance(fault, DeadLinkError) and driver.has_watchdog:
             self._parent.tell("fault", text=text, stands=False)
             host().leave(1)
+        # Else the arm is stopped first, which takes its time.
         self._parent.tell("failing", text=text)
         standstill = self._come_to_rest(
             commander, text, isinstance(fault, GarbledStateError) or not driver.has_watchdog
@@ -77,7 +81,10 @@ class ArmExit:
         host().leave(1)
 
     def _come_to_rest(self, commander: Commander | None, fault: str, at_once: bool) -> Rest:
-        """Stop the arm and see it stand; the main job is warned of one that does not."""
+        """Stop the arm until its states show that it stands; the main job is warned of one that does not.
+
+        `at_once`: not left to a watchdog of the controller. An arm that is observed is not stopped.
+        """
         robot = self._robot
         if robot.observed:
             return Rest(True)
@@ -86,4 +93,4 @@ class ArmExit:
         arm_rest = ArmRest(robot, self._record, beat, warn)
         if commander is None or commander.mode == "hold":
             return arm_rest.stop_once()
-        return arm_rest.come_to_rest(at_once, commander.speed > _SLOW, self._timeout)
+        return arm_rest.come_to_rest(at_once, commander.speed > _STILL_SPEED, self._timeout)

@@ -1,4 +1,4 @@
-"""A connected arm, as the host sees it: a process that servoes, and its reports."""
+"""A connected arm on the host's side: a process that servoes, and its reports."""
 
 from __future__ import annotations
 
@@ -47,16 +47,20 @@ from palpate_arms.lateness import lateness_table
 from palpate_arms.servo_law import own_law, straight_path
 from palpate_arms.setpoint_buffer import PERIOD, write_setpoints
 
-_POLL = 0.006  # [s]
-_BEAT_SLACK = 0.02  # [s]
-_SHORTEST_RETREAT = 0.1e-3  # [m]
-_HEARD = 0.02  # [s] until the servo process has heard of it
+# Choices.
+_POLL = 0.006  # [s] between two looks at the ring: three states in one batch
+_BEAT_SLACK = 0.02  # [s] beyond the controller's time-out, for the process to report what it has noticed itself
+_SHORTEST_RETREAT = 0.1e-3  # [m]; a shorter one shows nothing
+_HEARD = 0.02  # [s] until the servo process has received the order: it listens every 5 periods
+_SECOND = 1e9  # [ns]
+_MS = _MM = 1e3  # per second, per metre
 
 
 class ArmLink:
     """A connected arm, with limits, retreat, approach, force control, and a report of its health."""
 
     def __init__(self, settings: ArmSettings, child: Child, identity: dict[str, Any]) -> None:
+        """Take over tool and model from the facts that the arm's process reported; the others go to the result."""
         self._settings, self._child = settings, child
         self._tool = np.array(identity.pop("tool")).reshape(4, 4)
         self._model = ArmModel.model_validate(identity.pop("arm_model"))
@@ -66,14 +70,15 @@ class ArmLink:
         self._limits: ArmLimits | None = None
         self._stop_force: float | None = None
         self._trip: Callable[[str], None] | None = None
-        self._stopped: dict[str, Any] = {}  # why it stopped by itself, and when
+        self._stopped: dict[str, Any] = {}  # reason and time of a stop by itself
         usual = 1.0 / PERIOD
         self._low_rate = low_rate(identity.get("state_rate", usual), usual)
         if self._low_rate is not None:
             typer.echo(f"{child.name}: {self._low_rate}", err=True)
-        self._lag: float | None = None  # [s] that was seen
+        # What its process reported at the end of a motion.
+        self._lag: float | None = None  # [s]
         self._driver_time = 0.0  # [s] of each period that its driver takes
-        self._stands = False  # its process has seen 0.1 s of states that show that the tip stands
+        self._stands = False  # 0.1 s of states have shown that the tip stands
         self._has_retreated = False
         self._answers: list[dict[str, float]] = []  # of the arm to its first commands
         self._touches: list[TouchSlope] = []  # of its motion
@@ -122,20 +127,24 @@ class ArmLink:
             raise ConfigurationError(f"{self._child.name}: {text}")
 
     def retreat(self, way: float, speed: float) -> float:
-        """Go outwards by at most so much; see `palpate.SupportsRetreat`."""
+        """Go outwards by at most a way [m] at a speed [m/s]; return the time [s] that takes.
+
+        See `palpate.SupportsRetreat`; raises DeviceError where the workspace leaves no room for it.
+        """
         place, plane = self._approach.place, self._approach.plane
         if self._limits is not None:
             way = min(way, self._limits.high[2] - float(place[2]))
         if way < _SHORTEST_RETREAT:
             raise DeviceError(
-                f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: no "
+                f"{self._child.name}: the tip is at the top of the workspace, at {_MM * place[2]:.1f} mm: no "
                 "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
         if way <= self._settings.deadband:
             raise DeviceError(
-                f"{self._child.name}: the workspace leaves {1e3 * way:.2f} mm for the first retreat, and the arm's "
-                f"deadband is {1e3 * self._settings.deadband:g} mm: bring the tip down by hand or raise [safety] high"
+                f"{self._child.name}: the workspace leaves {_MM * way:.2f} mm for the first retreat, and the arm's "
+                f"deadband is {_MM * self._settings.deadband:g} mm: bring the tip down by hand or raise [safety] high"
             )
+        # The first one of a connection is a handshake, which takes longer.
         self._child.tell("retreat", way=way, speed=speed, foot=plane.foot.tolist(), normal=plane.normal.tolist())
         law = own_law(speed, self._settings.acceleration)
         if self._has_retreated:
@@ -145,6 +154,7 @@ class ArmLink:
 
     @property
     def _stated(self) -> StatedArm:
+        """The answer to a command that the settings state of the arm."""
         settings = self._settings
         return StatedArm(settings.command_lag, settings.deadband, settings.controller_stiffness is not None)
 
@@ -180,12 +190,12 @@ class ArmLink:
         self._child.ring.head[RETRACT] = 1
 
     def batches(self) -> Iterator[Batch]:
-        """Yield the states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
-        done = False
+        """Yield the states as they arrive, until the motion is over; raises DeviceError as soon as the robot fails."""
+        is_over = False
         self._states.skip(self._child.ring.early())  # what came while other devices were connected
-        while not done:
+        while not is_over:
             for message in self._child.messages():
-                done |= message["say"] == "done"
+                is_over |= message["say"] == "done"
                 self._take(message)
             rows = self._child.ring.read()
             yield from self._states.batches(rows)
@@ -196,7 +206,7 @@ class ArmLink:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
 
     def _take(self, message: Mapping[str, Any]) -> None:
-        """Take note of a message; raises UnstoppedArmError of an arm that was stopped and does not stand."""
+        """Take over a message; raises UnstoppedArmError of an arm that was stopped and does not stand."""
         match message["say"]:
             case "done":
                 self._lag, self._driver_time = message["lag"], message["driver_time"]
@@ -229,32 +239,33 @@ class ArmLink:
             raise
 
     def _has_stopped(self, message: Mapping[str, Any]) -> None:
-        """The servo process has stopped the motion on its own, with the reason."""
+        """Take over that the servo process has stopped the motion by itself, with the reason."""
         if not self._stopped:
-            self._stopped = {"reason": message["text"], "monotonic": message["at"] / 1e9}
+            self._stopped = {"reason": message["text"], "monotonic": message["at"] / _SECOND}
         if self._trip is not None:
             self._trip(message["text"])
 
     @property
     def attended(self) -> int:
-        """When the arm's process last looked for a state [ns]."""
+        """The time [ns] at which the arm's process last looked for a state."""
         return self._child.ring.last_beat() + epoch_offset()
 
     def _late(self) -> str | None:
-        """What is said of an arm that is farther behind its commands than is stated; None where it is not."""
+        """Return the sentence on an arm that is farther behind its commands than is stated; None where it is not."""
         stated, limits = self._settings.command_lag, self._limits
         if self._lag is None or limits is None:
             return None
+        # Beyond the stated lag: delays, and the deflection at the force that stops it, over the speed.
         give = deflection(self._stop_force or 0.0, self._settings.controller_stiffness)
         if self._lag <= stated + DELAY + give / limits.speed:
             return None
         return (
-            f"the arm follows its commands {1e3 * self._lag:.0f} ms late, and {1e3 * stated:.0f} ms are stated: the "
+            f"the arm follows its commands {_MS * self._lag:.0f} ms late, and {_MS * stated:.0f} ms are stated: the "
             "limit of its distance from a command was made of that"
         )
 
     def _flags(self, commands: Mapping[str, Any]) -> dict[str, str]:
-        """Messages by the codes of flags."""
+        """Return messages by the codes of flags."""
         lost = shortfall_text(commands["periods_lost"], commands["cycles"], commands.get("rate"), self._driver_time)
         device = filter(None, (self._low_rate or self._late(), touch_outlier_text(self._touches)))
         texts = {"device": "; ".join(device) or None, "lost-periods": lost}
@@ -262,7 +273,7 @@ class ArmLink:
 
     @property
     def health(self) -> Mapping[str, Any]:
-        """What was seen of the robot and of the loop."""
+        """The facts of the robot and of the loop."""
         states, stiffness = self._states, self._settings.controller_stiffness
         turn, _ = agreement(self._settings.work, states.rotation)
         commands = lateness_table(self._child.ring.head)

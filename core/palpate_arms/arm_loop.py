@@ -1,4 +1,4 @@
-"""The servo loop of an arm, at 500 Hz: every state is looked at, and every command checked, before it is sent."""
+"""The servo loop of an arm, at 500 Hz: every state and every command is checked before the command is sent."""
 
 from __future__ import annotations
 
@@ -31,9 +31,12 @@ from palpate_arms.setpoint_buffer import PERIOD, Plan
 from palpate_arms.setpoint_rows import SETPOINT
 from palpate_arms.station_plane import StationPlane
 
-_BLIND = 1.15e9  # [ns] without a new state, of a second between two: of more commands only the last would count
-_UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
-_EXPLAIN = 10  # periods
+_SECOND = 1e9  # [ns]
+_MS = 1e3  # per second
+# Choices.
+_BLIND = 1.15e9  # [ns] without a new state, for each second between two: 2.3 ms at 500 Hz (0151)
+_UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once (0213)
+_EXPLAIN_PERIODS = 10  # in which the state that says why a command was refused arrives on its own connection
 _LISTEN_EVERY = 5  # periods; stopping uses shared memory and does not wait
 _FIRST_MODES = ("retreat", "stay")  # in which the arm shows whether it can be moved at all
 _MOVING = (*_FIRST_MODES, "approach", "follow")
@@ -43,6 +46,7 @@ class ArmLoop:
     """Holds, approaches, follows, retreats, retracts and stops an arm, whoever makes it."""
 
     def __init__(self, parent: Parent, ring: Ring, robot: CommandedArm, settings: dict[str, Any]) -> None:
+        """Take a connected arm, and the task of its process as plain data; nothing moves before limits are set."""
         self._parent, self._ring, self._robot = parent, ring, robot
         self._own = settings["own"]
         self._host_timeout = settings["host_timeout"]
@@ -52,7 +56,7 @@ class ArmLoop:
         self._commander: Commander | None = None
         self._eye: ForceEye | None = None
         self._setpoint = np.zeros(SETPOINT.size)
-        self._offered: MotionOffer | None = None
+        self._offered: MotionOffer | None = None  # a motion that is being checked
         self._cycles = 0
         timeout = settings["controller_timeout"]
         self._watch = ArmWatch(robot, timeout)
@@ -61,7 +65,7 @@ class ArmLoop:
         self._obedience = Obedience(robot, self._fence, settings["own"], self._law.gives_way)
 
     def run(self) -> NoReturn:
-        """One cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
+        """Run one cycle after another, each at its deadline; an error ends the process, and the motion, at once."""
         try:
             Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
         except ArmFaultError as fault:
@@ -72,25 +76,30 @@ class ArmLoop:
 
     @property
     def _following(self) -> bool:
+        """True while a plan is followed, whose lateness is counted."""
         return self._commander is not None and self._commander.mode == "follow"
 
     def _cycle(self, now: int, left_out: int) -> None:
+        """Do a period at a time [ns]: state, checks, orders, force, and a command; `left_out` periods had none."""
         self._robot.driver_time.end_cycle()
         if left_out and self._commander is not None:
             self._commander.held_up(left_out)
+        # The newest state, whatever it shows, and the orders of the main job.
         self._take_state()
         self._check(now)
         self._listen(now)
         robot, commander = self._robot, self._commander
         if commander is None:
             return
+        # A motion that is offered, the force, and a driver that shows in its first motion that it is too slow.
         if self._offered is not None:
-            self._look_over(self._offered, commander)
-        self._look_at_force(commander, now)
+            self._check_offer(self._offered, commander)
+        self._check_force(commander, now)
         if commander.mode in _FIRST_MODES and (text := self._unfit_driver()) is not None:
             self._refuse(text, commander)
         if commander.mode == "done":
             self._finish()
+        # A command, or at rest a sign of life.
         self._setpoint = commander.setpoint
         if commander.mode == "hold" or self._obedience.must_wait(now):
             robot.feed_watchdog()
@@ -98,55 +107,57 @@ class ArmLoop:
         self._command(commander, now)
 
     def _command(self, commander: Commander, now: int) -> None:
-        """The next command, if it keeps the limits; else the retraction."""
-        robot, seen = self._robot, self._robot.look()
+        """Send the next command, if it keeps the limits; else that of a retraction."""
+        robot, state = self._robot, self._robot.look()
         # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
         if not deaf and now - robot.seen <= _BLIND * robot.state_period and robot.driver.unheard <= self._unheard:
-            self._advance(commander, seen)
+            self._advance(commander, state)
         if not robot.servo(commander.command, commander.turn):
-            for _ in range(_EXPLAIN):  # the state that says why comes on another connection
+            for _ in range(_EXPLAIN_PERIODS):
                 self._take_state()
                 self._check(clock().now_ns())
                 clock().sleep(PERIOD)
             self._fail(ArmFaultError("the robot refuses commands: its program has ended (out of reach, or stopped)"))
 
-    def _advance(self, commander: Commander, seen: ArmState) -> None:
-        before, leaving = (commander.command, commander.turn), commander.mode == "retract"
+    def _advance(self, commander: Commander, state: ArmState) -> None:
+        """Make the next command and check it, and the arm in motion; one that breaks a limit is taken back."""
+        previous, leaving = (commander.command, commander.turn), commander.mode == "retract"
         room = tick_room(self._fence.limits, self._robot.state_period, self._robot.driver.ahead)
-        commander.next(seen.position, seen.velocity, room)
+        commander.next(state.position, state.velocity, room)
         self._fence.plane = commander.plane
-        verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
+        verdict = self._fence.command(commander.command, commander.turn, previous, state, leaving)
         if verdict is not None:
             commander.take_back()
             self._fence.taken_back()
         else:
             self._obedience.note_command(commander.command)
+        # The measured arm, too: behind its command, and where a force leads it.
         if verdict is None and commander.mode in _MOVING:
-            if commander.mode == "follow" and seen.fresh:
-                self._lag.add(commander.command, before[0], seen.position)
-            verdict = self._fence.in_motion(commander.command, seen)
-            if verdict is None and (text := commander.led_astray(float(seen.position[2]))) is not None:
+            if commander.mode == "follow" and state.fresh:
+                self._lag.add(commander.command, previous[0], state.position)
+            verdict = self._fence.in_motion(commander.command, state)
+            if verdict is None and (text := commander.led_astray(float(state.position[2]))) is not None:
                 verdict = Verdict(text)
         elif verdict is None and leaving:
-            verdict = self._fence.in_retraction(seen)
+            verdict = self._fence.in_retraction(state)
         if verdict is not None:
             self._stop_for(verdict, commander)
 
     @property
-    def _oldest(self) -> float:
-        """Age [s] that a state may have, above the promptest since the connection."""
+    def _max_age(self) -> float:
+        """The age [s] that a state may have, above the promptest since the connection."""
         limits = self._fence.limits
         return math.inf if limits is None else float(limits.get("reading_age", math.inf))
 
     def _unfit_driver(self) -> str | None:
-        """Return why nothing is to be moved by this driver: its calls take too long, or its states come late."""
-        return self._robot.driver_time.refusal or self._watch.late_answer(self._oldest)
+        """Return why this driver must move nothing: its calls take too long, or its states come late; else None."""
+        return self._robot.driver_time.refusal or self._watch.late_answer(self._max_age)
 
     @property
     def _unheard(self) -> float:
-        """For how long [s] no command needs to have been taken, by states that come as seldom as they do."""
+        """The time [s] for which no command needs to have been taken, by states as seldom as they are."""
         return _UNHEARD + self._robot.state_period - PERIOD
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
@@ -156,7 +167,8 @@ class ArmLoop:
         self._parent.tell("limit", text=verdict.text, at=clock().now_ns())
         commander.retract()
 
-    def _look_at_force(self, commander: Commander, now: int) -> None:
+    def _check_force(self, commander: Commander, now: int) -> None:
+        """Read the force at a time [ns]: a force that leads gets it, and one that is over a limit ends the motion."""
         if self._eye is None or commander.mode not in _MOVING:
             return
         tip, plane = self._robot.position, commander.plane
@@ -169,6 +181,7 @@ class ArmLoop:
             commander.retract()
 
     def _take_state(self) -> None:
+        """Take a new state where there is one, check and record it; the first one makes the commander."""
         if self._robot.poll():
             self._demand_obedience()
             self._watch.check_state()
@@ -188,44 +201,50 @@ class ArmLoop:
             self._parent.tell("answers", answers=self._obedience.take_answers())
 
     def _record_state(self) -> None:
+        """Write the newest state to the ring, with the setpoint, and let the pace follow it."""
         robot = self._robot
-        stamps = round(robot.stamp * 1e9), robot.seen
+        stamps = round(robot.stamp * _SECOND), robot.seen
         self._beat.saw(*stamps)
         self._ring.write(stamps, [*robot.row, *robot.reading.status, *self._setpoint])
 
     def _check(self, now: int) -> None:
+        """Check modes, pace and links of the arm at a time [ns], by its newest state."""
         commander = self._commander
         self._watch.check_modes()
         if commander is None or commander.mode == "hold":
             self._watch.check_start()
-        elif commander.mode in _MOVING and (text := self._watch.slowdown() or self._watch.lateness(self._oldest)):
+        elif commander.mode in _MOVING and (text := self._watch.slowdown() or self._watch.lateness(self._max_age)):
             self._stop_for(Verdict(text), commander)  # it leaves the material
         self._watch.check_links(now)
 
     def _listen(self, now: int) -> None:
+        """Obey the main job at a time [ns]: messages now and then, words in shared memory and its silence always."""
         head, commander = self._ring.head, self._commander
         self._cycles += 1
-        for message in self._parent.messages() if self._cycles % _LISTEN_EVERY == 0 else ():
-            if message["say"] == "close":
-                self._exit.leave(commander)
-            elif commander is not None:
-                self._obey(message, commander)
+        if self._cycles % _LISTEN_EVERY == 0:
+            for message in self._parent.messages():
+                if message["say"] == "close":
+                    self._exit.leave(commander)
+                elif commander is not None:
+                    self._obey(message, commander)
+        # Without the main job the arm stops; where that is silent, the arm leaves the material.
         beat = self._ring.last_beat(host=True)
         if self._parent.gone:
             self._exit.leave(commander)
         if head[STOP]:
             self._finish()
         elif commander is not None:
-            silence = (now - beat) / 1e9
+            silence = (now - beat) / _SECOND
             if head[RETRACT]:
                 commander.retract()
             elif commander.mode in _MOVING and silence > self._host_timeout:
                 late = clock().late_computer() or "; is the computer too busy?"
-                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms ([device.*] host_timeout){late}"
+                text = f"the main job gave no sign of life for {_MS * silence:.0f} ms ([device.*] host_timeout){late}"
                 self._parent.tell("limit", text=text, at=now)
                 commander.retract()
 
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:
+        """Carry out an order of the main job; motions are refused without limits and before the handshake."""
         match message["say"]:
             case "limits":
                 if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
@@ -253,18 +272,19 @@ class ArmLoop:
                 self._offered = MotionOffer(plan, law)
 
     def _retreat(self, commander: Commander, way: float, speed: float) -> None:
-        """The first retreat of a connection is one in steps, by which the arm shows that it obeys."""
+        """Retreat by a way [m] at a speed [m/s]: at first in steps, by which the arm shows that it obeys."""
         if self._obedience.has_begun:
             commander.retreat(way, speed)
         elif (text := self._obedience.retreat(commander, way, speed)) is not None:
             self._refuse(text, commander)
 
     def _begin(self, commander: Commander) -> None:
+        """Begin a motion from where the arm stands."""
         commander.settle(self._robot.look().position, self._robot.turn())
         self._fence.begin(commander.command)
 
-    def _look_over(self, offer: MotionOffer, commander: Commander) -> None:
-        """A piece of a plan in each period; the motion begins when all of it keeps the limits."""
+    def _check_offer(self, offer: MotionOffer, commander: Commander) -> None:
+        """Check a piece of a plan in each period, and begin the motion when all of it keeps the limits."""
         if commander.mode in ("retract", "done"):
             self._offered = None
             return
@@ -278,7 +298,7 @@ class ArmLoop:
             commander.follow(offer.plan, offer.law)
 
     def _refuse(self, text: str, commander: Commander) -> None:
-        """Nothing of a motion is done."""
+        """End a motion of which nothing was done, with the reason."""
         self._parent.tell("limit", text=text, at=clock().now_ns())
         commander.mode = "done"
 
@@ -290,11 +310,12 @@ class ArmLoop:
         self._exit.finish(self._commander, facts, self._take_state)
 
     def _record_at_rest(self) -> bool:
-        """Record a new state of an arm that was stopped, whatever it says."""
+        """Record a new state of an arm that was stopped, whatever it shows; return False without one."""
         if not self._robot.poll():
             return False
         self._record_state()
         return True
 
     def _fail(self, fault: ArmFaultError) -> NoReturn:
+        """Stop the arm, and end the process."""
         self._exit.fail(self._commander, fault)

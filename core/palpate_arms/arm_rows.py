@@ -1,4 +1,4 @@
-"""What the process that commands an arm and its parent agree on."""
+"""Layouts and words that the process that commands an arm and its parent agree on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The latest state of an arm, as every check of a command looks at it."""
+"""The latest state of an arm, as every check of a command uses it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from palpate import Floats
 class ArmState:
     """The robot's last state, in the work frame; its joints in their own."""
 
-    position: Floats  # (3,)
-    velocity: Floats  # (3,)
+    position: Floats  # (3,) [m]
+    velocity: Floats  # (3,) [m/s]
     rotation: Floats  # (3, 3) in the base
     q: list[float]  # (n,) [rad]
-    fresh: bool  # said since the last period
+    fresh: bool  # arrived since the last period

@@ -23,17 +23,22 @@ from palpate_arms.commanded_arm import CommandedArm
 from palpate_arms.driver_answer import driver_error
 
 MODULE = "palpate_arms.arm_worker"
+_PRIORITY = 45  # a choice: real-time priority of the process, above the threads of the main job that watch it (20)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Connect, report, servo until the parent goes or the robot fails."""
-    task, scheduling = json.loads(arguments[2]), host().enter(45)
+    """Connect, report, servo until the parent goes or the robot fails.
+
+    Arguments: descriptors of the socket to the parent and of the ring, and the task as JSON.
+    """
+    task, scheduling = json.loads(arguments[2]), host().enter(_PRIORITY)
     with Parent(int(arguments[0])) as parent:
         rows = ArmRows(task["joints"], task["status"])
         _serve(parent, Ring(int(arguments[1]), rows.row.size), rows, task, scheduling)
 
 
 def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], scheduling: str) -> NoReturn:
+    """Connect the driver, report that the arm is ready, and servo; report what kept it from that."""
     driver = None
     try:
         driver = _driver(task)
@@ -53,6 +58,7 @@ def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], sche
         text = driver_error(error, driver) or f"its driver failed: {type(error).__name__}: {error}"
         parent.tell("fault", text=f"cannot connect: {text}")
         host().leave(1)
+    # No garbage is collected while the loop runs: that would hold it up.
     host().run_without_collection()
     model = arm.model.model_dump()
     parent.tell("ready", scheduling=scheduling, arm_model=model, tool=arm.tool.ravel().tolist(), **arm.facts)
@@ -60,6 +66,7 @@ def _serve(parent: Parent, ring: Ring, rows: ArmRows, task: dict[str, Any], sche
 
 
 def _driver(task: dict[str, Any]) -> ArmDriver:
+    """Return the driver of a task, not connected."""
     model = None if task["arm_model"] is None else ArmModel.model_validate(task["arm_model"])
     tool = np.array(task["tool"]).reshape(4, 4)
     driver: ArmDriver = host().arm_driver(class_at(task["driver"]), task["settings"], model, tool)

@@ -19,9 +19,13 @@ from palpate_arms.driver_time import DriverTime
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tool_turns import tool_turn
 
+# Choices.
 _SWING, _FASTEST = 5e-3, 3.0  # [m], [m/s] of a tip: the largest arm that is driven reaches 2 m/s
-_ENOUGH, _SELDOM = 10, 0.01  # states from which their rate is determined; [s] between states at most
-_FIRST = 2.0  # [s] for the first state
+_MIN_STATES = 10  # from which their rate is determined
+_MAX_PERIOD = 0.01  # [s] between states; what an arm does meanwhile is not seen
+_PERIOD_SLACK = 1.01  # times that, for an unsteady clock
+_FIRST_STATE = 2.0  # [s] at most until the first state
+_POSE_NUMBERS = 6  # a place and a rotation vector; a twist has as many
 
 
 class CommandedArm:
@@ -33,7 +37,9 @@ class CommandedArm:
     def __init__(self, driver: ArmDriver, rows: ArmRows, work: WorkFrame, observe: bool) -> None:
         self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
         self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]
-        self._turned: tuple[Floats, list[float]] | None = None
+        self._orientation: tuple[Floats, list[float]] | None = (
+            None  # turn of the latest command, and its rotation vector
+        )
         self.driver_time = DriverTime()
         self.state_period = PERIOD  # [s] from one state to the next
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
@@ -61,7 +67,8 @@ class CommandedArm:
         return self.driver.model
 
     def _first_reading(self, settle: float) -> ArmReading:
-        deadline, began, stamps = clock().now() + _FIRST, clock().now(), list[float]()
+        """Return the first state once those of a time [s] have passed; raises RuntimeError without one."""
+        deadline, began, stamps = clock().now() + _FIRST_STATE, clock().now(), list[float]()
         while not (fresh := self.poll()) or clock().now() - began < settle:
             if fresh:
                 stamps.append(self.stamp)
@@ -75,13 +82,14 @@ class CommandedArm:
 
     def _note_rate(self, stamps: list[float]) -> None:
         """How often states come, by their time-stamps; raises RuntimeError where an arm cannot be led by so few."""
-        if len(stamps) < _ENOUGH:
+        if len(stamps) < _MIN_STATES:
             return
         period = float(np.median(np.diff(stamps)))
         self.driver.facts["state_rate"] = 1.0 / period
-        if period > 1.01 * _SELDOM:
+        if period > _PERIOD_SLACK * _MAX_PERIOD:
             raise RuntimeError(
-                f"the controller sends its state at {1.0 / period:.0f} Hz; at least {1.0 / _SELDOM:.0f} Hz are needed"
+                f"the controller sends its state at {1.0 / period:.0f} Hz; at least {1.0 / _MAX_PERIOD:.0f} Hz are "
+                "needed"
             )
         self.state_period = max(period, PERIOD)
 
@@ -103,16 +111,18 @@ class CommandedArm:
         return True
 
     def _values(self, reading: ArmReading) -> list[float]:
+        """Return a state in the layout of `ArmRows.state`; what the controller does not send is by the joints."""
         pose, twist = reading.pose, reading.twist
         if pose is None or twist is None:
-            own = self._by_joints(reading)
-            pose, twist = own[0] if pose is None else pose, own[1] if twist is None else twist
+            model_pose, model_twist = self._by_joints(reading)
+            pose = model_pose if pose is None else pose
+            twist = model_twist if twist is None else twist
         return [*reading.joints, *reading.joint_speeds, *pose, *twist, *reading.wrench]
 
     def _by_joints(self, reading: ArmReading) -> tuple[list[float], list[float]]:
-        """Pose and twist of the tip, by the kinematic model."""
+        """Return pose and twist (6,) of the tip in the base, by the kinematic model; NaN without finite joints."""
         if not all(map(math.isfinite, (*reading.joints, *reading.joint_speeds))):
-            return [math.nan] * 6, [math.nan] * 6
+            return [math.nan] * _POSE_NUMBERS, [math.nan] * _POSE_NUMBERS
         pose, jacobian = self.model.tip(list(reading.joints), self.tool)
         return pose_of(pose), (jacobian @ np.array(reading.joint_speeds)).tolist()
 
@@ -125,7 +135,7 @@ class CommandedArm:
         return [*self.reading.joints, *self.reading.joint_speeds, *pose, *twist, *self.reading.wrench]
 
     def _leap(self, stamp: float, values: list[float]) -> float | None:
-        """Return how far [m] the tip is from where the state before had it, if that is farther than any arm moves."""
+        """Return how far [m] the tip is from its previous place, if that is farther than any arm moves."""
         if not self.state:
             return None
         place = self.rows.state["position"]
@@ -138,16 +148,17 @@ class CommandedArm:
         return all(map(math.isfinite, self.state[self.rows.motion]))
 
     def look(self) -> ArmState:
-        """Where the tip is, how fast and how turned; whether it is news since the last look."""
+        """Return the newest state; `fresh` if it arrived since the last look."""
         fresh, self.fresh = self.fresh, False
         return self._arm_state(fresh)
 
     @property
     def motion_state(self) -> ArmState:
-        """The same of the newest state, which stays news to the next look."""
+        """The newest state, which stays fresh to the next look."""
         return self._arm_state(True)
 
     def _arm_state(self, fresh: bool) -> ArmState:
+        """Return the newest state in the work frame."""
         inwards, state = self._out.T, self.rows.state
         rotation = rotation_matrix(self.state[state["rotation"]])
         velocity = inwards @ np.array(self.state[state["velocity"]])
@@ -155,29 +166,29 @@ class CommandedArm:
 
     @property
     def position(self) -> Floats:
-        """Of the tip in the work frame (3,) [m]."""
+        """The place (3,) [m] of the tip in the work frame."""
         return np.asarray(self._out.T @ (np.array(self.state[self.rows.state["position"]]) - self._origin))
 
     @property
     def pose(self) -> list[float]:
-        """Of the tip in the base: [m] and rotation vector [rad], as the controller reports it."""
+        """The pose of the tip in the base: [m] and rotation vector [rad], as the controller reports it."""
         return self.state[self.rows.pose]
 
     @property
     def base_place(self) -> Floats:
-        """Of the tip in the base (3,) [m]."""
+        """The place (3,) [m] of the tip in the base."""
         return np.array(self.state[self.rows.state["position"]])
 
     def target_of(self, position: Floats) -> Floats:
-        """Place in the base (3,) [m] that is sent for a position in the work frame."""
+        """Return the place in the base (3,) [m] that is sent for a position in the work frame."""
         return np.asarray(self._origin + self._out @ position)
 
     def turn(self) -> Floats:
-        """Rotation vector (3,) of the tool from its orientation by the work frame."""
+        """Return the rotation vector (3,) of the tool from its orientation by the work frame."""
         return tool_turn(self._work, rotation_matrix(self.state[self.rows.state["rotation"]]))
 
     def feed_watchdog(self) -> None:
-        """No command, in time; raises ArmFaultError where the link is lost."""
+        """Let the controller know, without a command, that this process lives; raises ArmFaultError if it cannot."""
         if not self.observed:
             self.driver.keep_alive()
 
@@ -187,12 +198,13 @@ class CommandedArm:
         Raises ArmFaultError where the link is lost.
         """
         target = self.target_of(position).tolist()
-        if self._turned is None or not np.array_equal(self._turned[0], turn):
+        # The rotation of a turn is computed once, as most motions keep it.
+        if self._orientation is None or not np.array_equal(self._orientation[0], turn):
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
-            self._turned = turn.copy(), rotation.tolist()
+            self._orientation = turn.copy(), rotation.tolist()
         self.driver.place = position
         began = clock().now_ns()
-        is_sent = self.driver.send([*target, *self._turned[1]])
+        is_sent = self.driver.send([*target, *self._orientation[1]])
         self.driver_time.add_send(began)
         if is_sent is None:
             raise ArmFaultError(
@@ -202,5 +214,5 @@ class CommandedArm:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What is known of the robot, for the result."""
+        """The facts of the robot, for the result."""
         return self.driver.facts

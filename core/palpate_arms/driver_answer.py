@@ -1,4 +1,4 @@
-"""Whether a driver returns what is asked for, and which of its methods failed: for the person who writes it."""
+"""Mistakes of a driver, by method and field: for the person who writes it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _OPTIONAL = "pose", "twist"
 
 
 def reading_problem(reading: Any, joints: int, status: int) -> str | None:
-    """Return which field of a state is not as it is to be, of an arm with so many joints and channels of status."""
+    """Return the first mistake in a state of an arm with so many joints and channels of status; None without one."""
     if not isinstance(reading, ArmReading):
         return f"its driver's `read` returned {_kind(reading)}; expected an ArmReading, or None where no state is new"
     for field, count in zip(_FIELDS, (joints, joints, _POSE, _POSE, _POSE, status), strict=True):
@@ -34,17 +34,18 @@ def reading_problem(reading: Any, joints: int, status: int) -> str | None:
 
 
 def _kind(value: Any) -> str:
-    """Return a value in words: of a sequence with something else than numbers, the first such thing."""
+    """Return the type of a value in words, of a sequence with its first entry that is not a number."""
     if value is None:
         return "None"
     if isinstance(value, list | tuple):
-        strange = next((entry for entry in value if not isinstance(entry, float | int)), None)
-        return f"a {type(value).__name__} with {strange!r}"
+        other = next((entry for entry in value if not isinstance(entry, float | int)), None)
+        return f"a {type(value).__name__} with {other!r}"
     return f"a {type(value).__name__}"
 
 
 def driver_error(error: Exception, driver: Any) -> str | None:
     """Return what a driver's method raised, with its name and place; None of an error that none of them raised."""
+    # The outermost call of a method of the driver.
     trace = error.__traceback__
     while trace is not None:
         frame = trace.tb_frame

@@ -10,20 +10,25 @@ from palpate import Floats, RepeatCount, Repeats, clock, torque_fault
 from palpate_engine import ReadingAge, RiseWatch, SoundForce, TouchSlope, TouchWatch
 from palpate_kit.acquisition.ring import Ring, integers
 
-_DEAF = 30_000_000  # [ns] without a reading; not a serial line's latency timer of 16 ms
-_MISSED = 4  # readings, where they come more slowly than that
+# Choices.
+_MAX_SILENCE = 30_000_000  # [ns] without a reading; more than the latency timer of a serial line, 16 ms
+_MAX_MISSED = 4  # readings, where they come more slowly than that
+_SECOND = 1e9  # [ns]
 
 
 class ForceEye:
-    """Looks at the readings that have come since the last look, and knows for how long there was none."""
+    """The readings since the last look, their checks, and the time for which there was none."""
 
     def __init__(self, descriptor: int, facts: dict[str, Any]) -> None:
+        """Read the ring of a descriptor; `facts` are those of `ArmLink.watch_force`, as plain data."""
+        # Columns of the ring: forces, torques, and the clocks of their stamps.
         self._ring = Ring(descriptor, facts["columns"], facts["rows"])
         self._columns = [facts["first"] + channel for channel in facts["channels"]]
         self._tare, self.stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
         self._normal, self._sign = facts.get("normal", 0), facts.get("sign", 1.0)
         self._low, self._high = np.array(facts.get("ranges") or [(-np.inf, np.inf)]).T
         self._torques = [facts["first"] + channel for channel in facts.get("torques", ())]
+        # Limits of all axes, and checks of the sensor by the standstill.
         self._torque = np.array(facts.get("torque_tare", ())), facts.get("torque", np.inf)
         usual = facts.get("repeats")
         self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
@@ -45,11 +50,11 @@ class ForceEye:
         if self._repeats is not None and self._repeats.suspect:
             return True
         usual = (self._heard - self._began) / max(self._count, 1)
-        return now - self._heard > max(_DEAF, _MISSED * usual)
+        return now - self._heard > max(_MAX_SILENCE, _MAX_MISSED * usual)
 
     @property
     def touches(self) -> list[TouchSlope]:
-        """How the force rose at the begin of each touch so far."""
+        """The rise of the force at the begin of each touch so far."""
         return [] if self._touch is None else self._touch.slopes
 
     def look(
@@ -65,6 +70,7 @@ class ForceEye:
         `depth` [m] of the tip below the plane of its station, and as `commanded`; its place (3,) [m], which is as high
         as travel in free air or not; None where the tip may touch something yet.
         """
+        # The readings since the last look.
         self._began = self._began or now
         self._heard = self._heard or now
         rows = self._ring.read()
@@ -76,7 +82,8 @@ class ForceEye:
         tared = forces - self._tare
         largest = float(np.abs(tared).max())
         self.felt = self._sign * float(tared[:, self._normal].mean())
-        if largest != largest:
+        # Limits, of every axis: not a number, end of the range, force, torques.
+        if math.isnan(largest):
             return f"a reading of {self._name} is over range or invalid"
         ends = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
         if ends.any():
@@ -85,6 +92,7 @@ class ForceEye:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
         if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:
             return text
+        # The sensor: readings that are late, or repeat themselves.
         self._note_age(rows)
         if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
             return late
@@ -94,13 +102,15 @@ class ForceEye:
                 return self._repeats.fault
         if self._rise is None or self._touch is None or place is None:
             return None
-        pushed, at = self._sign * tared[:, self._normal], place.tolist()
-        text = self._rise.add(now / 1e9, pushed, depth, at, commanded)
+        # The rise of the force with the depth, by which a sensor that reads too little is noticed.
+        normal_force, location, seconds = self._sign * tared[:, self._normal], place.tolist(), now / _SECOND
+        text = self._rise.add(seconds, normal_force, depth, location, commanded)
         if text is not None or in_air is None:
             return text
-        return self._touch.fault(now / 1e9, pushed, depth, at, in_air)
+        return self._touch.fault(seconds, normal_force, depth, location, in_air)
 
     def _note_age(self, rows: Any) -> None:
+        """Add the ages of readings (n, columns) whose sensor has a clock of its own."""
         if self._tick:
             arrivals, stamps = (integers(rows, column) for column in self._clock)
             self._age.add((stamps * self._tick).tolist(), arrivals.tolist())

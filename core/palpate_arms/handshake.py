@@ -18,28 +18,32 @@ from palpate_arms.servo_law import OVERSHOOT
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.tracking_error import length
 
+# Choices (0450).
 HOLD_SPEED = 10e-3  # [m/s] of a tip at rest; twice the largest noise that [safety] standstill_speed lets pass
-_SHOWN = 20e-6  # [m] that goes with such a speed within two states: less is noise of the speed alone
+_MIN_SHOWN_WAY = 20e-6  # [m] of a tip at that speed within two states: less is noise of the speed alone
 HOLD_TURN = 0.01  # [rad] of the tool; 1.2 mm at a lever of 120 mm
 SOFT_TURN = 0.05  # [rad] of one on a spring, by 4 N m of load that its controller does not know at 80 N m/rad
 PLAY = 50e-6  # [m] by which an arm may miss a small command; between the best and the usual repeatability of arms
 SHARE = 0.25  # of a command, by which the answer may miss it in size and in direction: 14 deg
 _SIGNIFICANT = 5.0  # standard uncertainties of a mean pose
+_NO_ANSWER_SHARE = 0.5  # of a command: an arm that goes less than that outwards has not taken it
+_SECOND = 1e9  # [ns]
+_MM = 1e3  # per metre
 
 
 def target_problem(target: Sequence[float], pose: Sequence[float], give: float) -> str | None:
     """Return why an arm at rest must not be commanded: its controller's target (6,) is not its pose (6,)."""
-    apart = math.dist(target[:3], pose[:3])
-    if apart <= STATIC_ERROR + give:
+    distance = math.dist(target[:3], pose[:3])
+    if distance <= STATIC_ERROR + give:
         return None
     return (
-        f"at rest its controller's target is {1e3 * apart:.2f} mm from the pose that it reports, and nothing was moved "
-        "(are its commands in another frame, or of another tool, than its poses?)"
+        f"at rest its controller's target is {_MM * distance:.2f} mm from the pose that it reports, and nothing was "
+        "moved (are its commands in another frame, or of another tool, than its poses?)"
     )
 
 
 class Handshake:
-    """A path of first commands, and what the arm answers to it, state by state."""
+    """A path of first commands, and the arm's answers to it, state by state."""
 
     def __init__(self, path: HandshakePath, stated: StatedArm, state: ArmState) -> None:
         self._path, self._stated = path, stated
@@ -63,7 +67,7 @@ class Handshake:
         return self._next == len(self._path.steps)
 
     def note_command(self, command: Floats, base_command: Floats, now: int) -> None:
-        """A command (3,) is sent at a time [ns]; the same in the base."""
+        """Note a command (3,) that is sent at a time [ns], and the same in the base."""
         self._commands.append(command)
         self._sent_at.append(now)
         self._base_commands.append(base_command)
@@ -73,6 +77,7 @@ class Handshake:
         """Return why a new state, seen at a time [ns], shows that the arm does not obey; None where it does."""
         if not self._commands or self.is_over:
             return None
+        # Every state is on the way that was commanded so far; the mean of the last ones answers the step.
         self._sent.append(len(self._commands))
         self._seen_at.append(seen)
         self._places.append(state.position)
@@ -86,7 +91,8 @@ class Handshake:
         return self._judge(step) or (self._echo() if self.is_over else None)
 
     def _stray(self, state: ArmState) -> str | None:
-        """Return what takes a state off the way that was commanded so far, at once."""
+        """Return what takes a state off the way that was commanded so far, at once; None where it is on it."""
+        # The tool keeps its orientation.
         step = self._path.steps[self._next]
         moved, commanded = state.position - self._start, self._commands[-1] - self._path.rows[0]
         turn = length(rotation_vector(state.rotation @ self._rotation.T))
@@ -95,11 +101,12 @@ class Handshake:
                 f"the tool turned by {math.degrees(turn):.1f} deg when it was commanded to keep its orientation (is "
                 "the rotation vector taken for angles, or for that of the flange?)"
             )
-        away = length(moved - _nearest(moved, commanded, self._path.axes(step)))
-        limit = self._stated.give if self._stated.gives_way else 0.0
-        most = max(STATIC_ERROR, limit) + self._stated.deadband
-        is_fast = length(state.velocity) > self._fastest and away > _SHOWN
-        if away <= most and not is_fast:
+        # The tip is near the way, and not faster than the command, as its pose shows as well.
+        distance = length(moved - _nearest(moved, commanded, self._path.axes(step)))
+        give = self._stated.give if self._stated.gives_way else 0.0
+        max_distance = max(STATIC_ERROR, give) + self._stated.deadband
+        is_fast = length(state.velocity) > self._fastest and distance > _MIN_SHOWN_WAY
+        if distance <= max_distance and not is_fast:
             return None
         return _disobedience(step, commanded, moved, length(state.velocity))
 
@@ -114,16 +121,13 @@ class Handshake:
 
     def _judge(self, step: HandshakeStep) -> str | None:
         """Return why the mean place at the end of a step does not answer it; None where it does."""
-        places = np.array(
-            [
-                place
-                for place, sent in zip(self._places, self._sent, strict=True)
-                if sent > step.last_row - max(step.wait // 2, 1)
-            ]
-        )
+        # States of the second half of the wait, in which the arm has settled.
+        first_row = step.last_row - max(step.wait // 2, 1)
+        places = np.array([place for place, sent in zip(self._places, self._sent, strict=True) if sent > first_row])
         mean = places.mean(axis=0)
         if self._rest is None:
             self._rest = mean, float(np.linalg.norm(places.std(axis=0)))
+        # The way from the mean place at rest, against the command.
         moved = mean - self._rest[0]
         commanded, uncertainty = float(np.linalg.norm(step.way)), self._rest[1] / math.sqrt(len(places))
         tolerance = PLAY + SHARE * commanded + _SIGNIFICANT * uncertainty
@@ -142,53 +146,52 @@ class Handshake:
         for axis in self._path.axes(step):
             along, commanded = float(moved @ axis), float(step.way @ axis)  # axes point the way of their steps
             side = side - along * axis
-            least, most = commanded - behind, commanded
+            lowest, highest = commanded - behind, commanded
             if self._stated.gives_way:
-                least, most = 0.0, OVERSHOOT * commanded
-            if not least - tolerance <= along <= most + tolerance:
+                lowest, highest = 0.0, OVERSHOOT * commanded
+            if not lowest - tolerance <= along <= highest + tolerance:
                 return False
         return length(side) <= tolerance + self._stated.deadband
 
     def _echo(self) -> str | None:
         """Return why the poses of all steps were not measured: they are commands, in every digit."""
-        longest = (
-            round(1e9 * PERIOD) * self._path.steps[0].last_row
-        )  # an arm that answers later is refused by its steps
-        late = echo_delay(
+        longest = round(_SECOND * PERIOD) * self._path.steps[0].last_row  # [ns]; later answers are refused by the steps
+        delay = echo_delay(
             np.array(self._base_commands),
             np.array(self._sent_at),
             np.array(self._base_places),
             np.array(self._seen_at),
             longest,
         )
-        if late is None:
+        if delay is None:
             return None
-        when = f", {1e-6 * late:g} ms later" if late else ""
-        return f"the pose that the arm reports is its command, in every digit{when}: what was measured is needed"
+        delay_text = f", {1e-6 * delay:g} ms later" if delay else ""
+        return f"the pose that the arm reports is its command, in every digit{delay_text}: what was measured is needed"
 
 
 def _disobedience(step: HandshakeStep, commanded: Floats, moved: Floats, speed: float = 0.0) -> str:
     """Return what the arm did, (3,) [m] at a speed [m/s], in place of what a step commanded; and the likely mistake."""
     way = length(moved)
-    fast = f", at {1e3 * speed:.0f} mm/s" if speed > HOLD_SPEED else ""
+    speed_text = f", at {_MM * speed:.0f} mm/s" if speed > HOLD_SPEED else ""
     if not step.axis.any():
         return (
-            f"the arm moved by {1e3 * way:.2f} mm{fast}, when it was commanded to stay where it is (are its commands "
-            "of the flange, or in another frame than its poses?)"
+            f"the arm moved by {_MM * way:.2f} mm{speed_text}, when it was commanded to stay where it is (are its "
+            "commands of the flange, or in another frame than its poses?)"
         )
-    along, wanted = float(moved @ step.axis), float(commanded @ step.axis)
-    what = f"the arm was commanded to move by {1e3 * wanted:.2f} mm {step.direction} and has moved by"
-    if way < 0.5 * wanted and along > -PLAY:
+    along, commanded_along = float(moved @ step.axis), float(commanded @ step.axis)
+    order = f"the arm was commanded to move by {_MM * commanded_along:.2f} mm {step.direction} and has moved by"
+    # Not at all, backwards, across, or too far.
+    if way < _NO_ANSWER_SHARE * commanded_along and along > -PLAY:
         return (
-            f"{what} {1e3 * way:.2f} mm (does it take commands? are its lag and its deadband stated? do its states "
+            f"{order} {_MM * way:.2f} mm (does it take commands? are its lag and its deadband stated? do its states "
             "come late?)"
         )
     if along < 0.0:
-        return f"{what} {-1e3 * along:.2f} mm the other way{fast} (is the sign of an axis reversed?)"
+        return f"{order} {-_MM * along:.2f} mm the other way{speed_text} (is the sign of an axis reversed?)"
     if length(moved - along * step.axis) > SHARE * along:
-        place = ", ".join(f"{1e3 * x:.2f}" for x in moved)
-        return f"{what} ({place}) mm in the work frame{fast} (are the axes of its commands those of its poses?)"
-    return f"{what} {1e3 * along:.2f} mm{fast} (are its commands in other units than its poses?)"
+        place = ", ".join(f"{_MM * x:.2f}" for x in moved)
+        return f"{order} ({place}) mm in the work frame{speed_text} (are the axes of its commands those of its poses?)"
+    return f"{order} {_MM * along:.2f} mm{speed_text} (are its commands in other units than its poses?)"
 
 
 def _nearest(place: Floats, end: Floats, axes: Sequence[Floats]) -> Floats:

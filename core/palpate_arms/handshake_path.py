@@ -13,10 +13,12 @@ from palpate_arms.servo_law import ServoLaw, straight_path
 from palpate_arms.setpoint_buffer import PERIOD
 from palpate_arms.station_plane import StationPlane
 
+# Choices (0450).
 SIDESTEP = 0.3e-3  # [m] along each lateral axis: a tenth of a second at the speed of the retreat
 _SHARES = (0.1, 0.4, 1.0)  # of the retreat beyond the deadband: the arm has come so far after each step
 _LONGEST_WAIT = 0.2  # [s] after a step: with four of them a first motion is at most 2 s later
 _SETTLED = 10  # periods before a sidestep, from which its place is determined
+_SAME_AXIS = 0.5  # cosine between the axes of two steps, which are the same or orthogonal
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,12 @@ class StatedArm:
 
     lag: float  # [s]
     deadband: float  # [m] of a command that it may leave undone
-    gives_way: bool  # whether its controller gives way to a force
+    gives_way: bool  # to a force, by its controller's stiffness
     give: float = 0.0  # [m] by which it does so at the force that stops the motion
 
     @property
     def wait(self) -> float:
-        """Time [s] after a step, within which the arm answers: two lags and what comes on top of them."""
+        """The time [s] after a step within which the arm answers: two lags and what comes on top of them."""
         return min(DELAY + 2.0 * self.lag, _LONGEST_WAIT)
 
 
@@ -54,14 +56,14 @@ class HandshakePath:
 
     @property
     def duration(self) -> float:
-        """How long [s] it takes."""
+        """The duration [s]."""
         return len(self.rows) * PERIOD
 
     def axes(self, last: HandshakeStep) -> list[Floats]:
-        """Axes (3,) along which it has gone up to the end of a step: orthogonal, and each once."""
+        """Return the axes (3,) along which it has gone up to the end of a step: orthogonal, and each once."""
         axes: list[Floats] = []
         for step in self.steps[: self.steps.index(last) + 1]:
-            if step.axis.any() and all(abs(float(step.axis @ axis)) < 0.5 for axis in axes):
+            if step.axis.any() and all(abs(float(step.axis @ axis)) < _SAME_AXIS for axis in axes):
                 axes.append(step.axis)
         return axes
 
@@ -82,9 +84,11 @@ def sideways_path(
     place: Floats, plane: StationPlane, centre: Floats, law: ServoLaw, stated: StatedArm
 ) -> HandshakePath:
     """Return the path from a place (3,) [m]: a step along each lateral axis of a plane, towards the box's centre."""
+    # Two axes across the normal: the nearest to x, and the one across that.
     normal = plane.normal
     first = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
     first /= np.linalg.norm(first)
+    # A step along each, on the side of the centre; the second begins at the end of the first.
     length, way, legs = SIDESTEP + stated.deadband, np.zeros(3), []
     for axis, name in ((first, "x"), (np.cross(normal, first), "y")):
         sign = 1.0 if float((centre - place) @ axis) >= 0.0 else -1.0
@@ -96,7 +100,7 @@ def sideways_path(
 def _stepped_path(
     place: Floats, stay: int, legs: Sequence[tuple[Floats, str]], law: ServoLaw, stated: StatedArm
 ) -> HandshakePath:
-    """Stay for some rows, then go to the end (3,) [m] of each leg, from the place, and wait there."""
+    """Return the path that stays for some rows, then goes to each leg's end (3,) [m] from the place, and waits."""
     wait = round(stated.wait / PERIOD)
     rows = [np.tile(place, (stay, 1))]
     steps = [HandshakeStep(stay, stay, np.zeros(3), np.zeros(3), "nowhere")]

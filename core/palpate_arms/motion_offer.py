@@ -1,4 +1,4 @@
-"""A motion that the process which commands an arm looks over, piece by piece, before anything of it is done."""
+"""A motion that the process which commands an arm checks, piece by piece, before anything of it is done."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class MotionOffer:
 
     def __init__(self, plan: Plan, law: ForceLaw | None) -> None:
         self.plan, self.law = plan, law
-        self.is_whole = False  # whether all of it was looked over
+        self.is_whole = False  # True once all of it was checked
         self._pieces = plan.pieces()
 
     def fault(self, fence: Fence, stop: float | None) -> str | None:

@@ -15,19 +15,20 @@ from palpate_arms.servo import Commander
 from palpate_arms.servo_law import own_law
 from palpate_arms.setpoint_buffer import PERIOD, Plan
 
-_LEAD = 1.5  # periods before the next state, within which the first command is sent: one, and half for unsteady clocks
-_LATE = 1.15  # state periods after which the next state is late
-_PATIENCE = 50  # periods, after which it is sent all the same: states that come in another rhythm than at first
+# Choices (0530), of the first command.
+_MAX_LEAD = 1.5  # periods before the next state, within which it is sent: one, and half for unsteady clocks
+_STATE_LATE = 1.15  # state periods after which the next state is late
+_MAX_WAIT = 50  # periods, after which it is sent all the same: states that come in another rhythm than at first
 
 
 class Obedience:
-    """What an arm has shown since it was connected; `own` is what it states of itself."""
+    """The handshakes of an arm since it was connected; `own` is what it states of itself."""
 
     def __init__(self, robot: CommandedArm, fence: Fence, own: dict[str, Any], gives_way: bool) -> None:
         self._robot, self._fence = robot, fence
         self._stated = own.get("lag", 0.0), own.get("deadband", 0.0), gives_way
         self._handshake: Handshake | None = None
-        self.has_begun = False  # whether it was to show anything
+        self.has_begun = False  # True once it was to show anything
         self._has_commanded = False
         self._cycles_waited = 0
         self._has_sidestepped = False
@@ -35,6 +36,7 @@ class Obedience:
 
     def retreat(self, commander: Commander, way: float, speed: float) -> str | None:
         """Begin the first retreat, of `way` [m]; return why it must not begin, with nothing sent; None where it may."""
+        # Nothing is sent where the controller's own target is elsewhere, or the way is too short.
         robot, stated, plane = self._robot, self._stated_now(), commander.plane
         target = robot.driver.target()
         if target is not None and (text := target_problem(target, robot.pose, stated.give)) is not None:
@@ -56,17 +58,19 @@ class Obedience:
         if limits is None or self._has_sidestepped or plan.lateral <= SIDESTEP:
             return False
         self._has_sidestepped, stated = True, self._stated_now()
+        # Towards the centre of the box, where there is room.
         centre = 0.5 * (np.array(limits["low"]) + np.array(limits["high"]))
         law = own_law(RETREAT_SPEED, commander.law.acceleration)
         self._begin(commander, sideways_path(commander.command, commander.plane, centre, law, stated), stated)
         return True
 
     def _begin(self, commander: Commander, path: HandshakePath, stated: StatedArm) -> None:
+        """Begin a handshake from the newest state."""
         self._handshake = Handshake(path, stated, self._robot.motion_state)
         commander.walk(path.rows)
 
     def _stated_now(self) -> StatedArm:
-        """What is stated of the arm, with the force that stops it, if one does."""
+        """Return what is stated of the arm, with the deflection at the force that stops it, if one does."""
         lag, deadband, gives_way = self._stated
         return StatedArm(lag, deadband, gives_way, self._fence.give - deadband)
 
@@ -75,15 +79,15 @@ class Obedience:
 
         Only a state shows what it does: it is sent a period before the next one, however seldom they come.
         """
-        if self._handshake is None or self._has_commanded or self._cycles_waited >= _PATIENCE:
+        if self._handshake is None or self._has_commanded or self._cycles_waited >= _MAX_WAIT:
             return False
-        age, period = 1e-9 * (now - self._robot.seen), self._robot.state_period
-        is_due = period - _LEAD * PERIOD <= age <= _LATE * period
+        age, period = 1e-9 * (now - self._robot.seen), self._robot.state_period  # [s]
+        is_due = period - _MAX_LEAD * PERIOD <= age <= _STATE_LATE * period
         self._cycles_waited += not is_due
         return not is_due
 
     def note_command(self, command: Floats) -> None:
-        """A command (3,) is about to be sent."""
+        """Note a command (3,) that is about to be sent."""
         if self._handshake is not None:
             self._has_commanded = True
             self._handshake.note_command(command, self._robot.target_of(command), clock().now_ns())
@@ -102,7 +106,7 @@ class Obedience:
         return text
 
     def end(self) -> None:
-        """Nothing more is commanded: what the arm does from now on answers nothing."""
+        """End the handshake: what the arm does from now on answers no command."""
         self._handshake = None
 
     def take_answers(self) -> list[dict[str, Any]]:

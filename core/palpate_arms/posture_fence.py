@@ -1,4 +1,4 @@
-"""What a command asks of an arm's joints, and where it would take its links."""
+"""Limits of an arm's posture: speeds and ends of its joints, singular postures, and the box of its links."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.kinematics.arm_model import ArmModel, inverse_of
 
-_FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
-_CANCELLED = 12.0  # times the tip's speed
+# Choices.
+_MAX_JOINT_WAY = 0.15  # [rad] of a joint from where it is to where the command is
+_MAX_CANCELLATION = 12.0  # joint motion over the tip's; it is 2 to 5 in an ordinary posture
+_MM = 1e3  # per metre
 SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
+    """A broken limit."""
 
     text: str
-    trusted: bool = True
+    trusted: bool = True  # the arm can be trusted to leave the material on its own
 
 
 class PostureFence:
@@ -31,39 +33,48 @@ class PostureFence:
         self._joint_speed, self._links = own["joint_speed"], (own["links_low"], own["links_high"])
 
     def verdict(self, twist: Floats, error: Floats, joints: list[float], leaving: bool) -> Verdict | None:
-        """Of a command by the tip's twist (6,) and the error (6,) from where joints (n,) have it, both in the base."""
+        """Return the limit that a command breaks; None where it keeps them all.
+
+        The command is given by the tip's twist (6,) and the error (6,) from where joints (n,) [rad] have it, both in
+        the base. An arm that is `leaving` the material may do so near a singular posture and past an end.
+        """
+        # Far from a singular posture, where the Jacobian has an inverse.
         _, jacobian, places = self._model.tip_and_places(joints, self._tool)
         try:
             inverse = inverse_of(jacobian)
         except np.linalg.LinAlgError:
             return Verdict(SINGULAR, not leaving)
-        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
+        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _MAX_CANCELLATION:
             return Verdict(SINGULAR)
+        # Speeds of the joints, and their ways from where they are to the command.
         speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
         names = self._model.joints
         joint = max(range(len(names)), key=lambda i: abs(speeds[i]))
         if abs(speeds[joint]) > self._joint_speed:
-            most = math.degrees(self._joint_speed)
+            max_speed = math.degrees(self._joint_speed)
             return Verdict(
                 f"a command would turn {names[joint]} at {math.degrees(abs(speeds[joint])):.0f} deg/s, over "
-                f"{most:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
+                f"{max_speed:g} deg/s ([device.*] joint_speed): the arm is near a singular posture, or too slow"
             )
         joint = max(range(len(names)), key=lambda i: abs(ways[i]))
-        if abs(ways[joint]) > _FARTHEST:
+        if abs(ways[joint]) > _MAX_JOINT_WAY:
             return Verdict(f"{names[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
         if leaving:
             return None
-        if (text := self._model.end_of([a + b for a, b in zip(joints, ways, strict=True)])) is not None:
+        # Ends of the joints at the command, and the box of the links where they are.
+        if (text := self._model.end_of([angle + way for angle, way in zip(joints, ways, strict=True)])) is not None:
             return Verdict(text)
         return self._place_outside(places.tolist())
 
     def _place_outside(self, places: list[list[float]]) -> Verdict | None:
+        """Return the first of the places (3,) [m] of elbow, wrist and flange that is out of the box of the links."""
         low, high = self._links
         for name, place in zip(self._model.place_names, places, strict=True):
-            if not all(least <= x <= most for x, least, most in zip(place, low, high, strict=True)):
-                where = ", ".join(f"{1e3 * x:.0f}" for x in place)
+            if not all(lower <= x <= upper for x, lower, upper in zip(place, low, high, strict=True)):
+                location = ", ".join(f"{_MM * x:.0f}" for x in place)
                 return Verdict(
-                    f"the {name} is at ({where}) mm in the base, out of the box of [device.*] links_low and links_high"
+                    f"the {name} is at ({location}) mm in the base, out of the box of [device.*] links_low and "
+                    "links_high"
                 )
         return None
 
@@ -71,7 +82,7 @@ class PostureFence:
 def is_singular(jacobian: Floats) -> bool:
     """Return True if joints near this Jacobian (6, n) of the tip have to move by much to move it a little."""
     try:
-        return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _CANCELLED
+        return _against_one_another(jacobian, inverse_of(jacobian)[:, :3]) > _MAX_CANCELLATION
     except np.linalg.LinAlgError:
         return True
 

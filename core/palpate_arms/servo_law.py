@@ -11,15 +11,18 @@ from palpate import Floats
 
 from palpate_arms.setpoint_buffer import PERIOD
 
-_SHORTEST = 0.15  # [s] of a way, however short
-_OWN = 0.85  # of the speed limit: two steps of that in one tick are still below 1.2 of it
-_USUAL_RETRACT_SPEED = 0.05  # [m/s] where nothing states one
+_MIN_DURATION = 0.15  # [s] of a way, however short, a choice
+_OWN_SHARE = 0.85  # of the speed limit, a choice: two steps of that in one tick are still below 1.2 of it (0151)
+_USUAL_RETRACT_SPEED = 0.05  # [m/s] where nothing states one, a choice
+# Of the way from rest to rest s = 10 t^3 - 15 t^4 + 6 t^5, at the extremes of its derivatives.
+_PEAK_SPEED = 15 / 8  # over the mean speed
+_PEAK_ACCELERATION = 10 / math.sqrt(3)  # over the way and the square of the duration
 OVERSHOOT = 1.37  # in speed, of a mass on a spring whose damping ratio is 0.3: 1 + exp(-pi 0.3 / sqrt(1 - 0.3^2))
 
 
 @dataclass(frozen=True)
 class ServoLaw:
-    """How setpoints become commands.
+    """The law that makes commands of setpoints.
 
     "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`,
     and never over `most`: an arm that does not follow is not called faster and faster; "servo": the setpoints
@@ -35,19 +38,19 @@ class ServoLaw:
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
     most: float = math.inf  # [m/s] that the law may ask for
-    gives_way: bool = False  # whether the arm stands on its controller's spring, and overshoots
+    gives_way: bool = False  # the arm stands on its controller's spring, and overshoots (0406)
 
     def within(self, limits: dict[str, Any]) -> ServoLaw:
         """Return the law whose own motions and commands keep the limits of a motion, by what the arm does."""
-        speed, leaving = limits["speed"], limits.get("retract_speed", 0.0)
-        share = _OWN / (OVERSHOOT if self.gives_way else 1.0)
+        speed, leaving_speed = limits["speed"], limits.get("retract_speed", 0.0)
+        share = _OWN_SHARE / (OVERSHOOT if self.gives_way else 1.0)
         retract_speed = self.retract_speed
-        if math.isinf(retract_speed) and leaving <= speed:
+        if math.isinf(retract_speed) and leaving_speed <= speed:
             retract_speed = _USUAL_RETRACT_SPEED
         return replace(
             self,
             approach_speed=min(self.approach_speed, share * speed),
-            retract_speed=min(retract_speed, share * max(speed, leaving)),
+            retract_speed=min(retract_speed, share * max(speed, leaving_speed)),
             angular_speed=limits["angular_speed"],
             most=speed,
         )
@@ -59,14 +62,14 @@ def own_law(speed: float, acceleration: float) -> ServoLaw:
 
 
 def tick_room(limits: dict[str, Any] | None, state_period: float, ahead: float) -> float:
-    """How far [m] a command may go on, so that all which one tick might take at once is at most what is expected.
+    """Return how far [m] a command may go on, so that what one tick may take at once is at most what is expected.
 
     That is two of its own steps, and what comes between two states that come more seldom, every `state_period` [s]; the
     latest command is `ahead` [m] of what the controller has taken.
     """
     if limits is None or ahead == 0.0:
         return math.inf
-    return float(max(_OWN * limits["speed"] * (PERIOD + state_period) - ahead, 0.0))
+    return float(max(_OWN_SHARE * limits["speed"] * (PERIOD + state_period) - ahead, 0.0))
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class StraightPath:
     times: Floats  # (n,) [s]
     position: Floats  # (n, 3) [m]
     velocity: Floats  # (n, 3) [m/s]
-    left: Floats  # (n,) part of the turn that is still to be made
+    left: Floats  # (n,) part of the turn that remains
     turning: Floats  # (n,) [rad/s]
 
 
@@ -86,12 +89,15 @@ def straight_path(begin: Floats, end: Floats, law: ServoLaw, turn: float = 0.0) 
     Of fifth order in time, s = 10 t^3 - 15 t^4 + 6 t^5: its largest speed is 15/8 of the mean one, its largest
     acceleration 10/sqrt(3) way/duration^2. What the turn moves at its lever counts as way.
     """
+    # The duration that keeps speed, acceleration and angular speed.
     length = float(np.linalg.norm(end - begin)) + turn * law.lever
-    duration = max(15 / 8 * length / law.approach_speed, math.sqrt(10 / math.sqrt(3) * length / law.acceleration))
-    duration = max(duration, 15 / 8 * turn / law.angular_speed, _SHORTEST)
+    by_speed = _PEAK_SPEED * length / law.approach_speed
+    by_acceleration = math.sqrt(_PEAK_ACCELERATION * length / law.acceleration)
+    duration = max(by_speed, by_acceleration, _PEAK_SPEED * turn / law.angular_speed, _MIN_DURATION)
+    # The share of the way at each period, and its rate.
     times = np.asarray(np.arange(math.ceil(duration / PERIOD) + 1) * PERIOD, np.float64)
     t = np.minimum(times / duration, 1.0)
-    done = 10 * t**3 - 15 * t**4 + 6 * t**5
+    share = 10 * t**3 - 15 * t**4 + 6 * t**5
     rate = (30 * t**2 - 60 * t**3 + 30 * t**4) / duration
-    position = begin + (end - begin) * done[:, None]
-    return StraightPath(times, position, (end - begin) * rate[:, None], 1.0 - done, turn * rate)
+    position = begin + (end - begin) * share[:, None]
+    return StraightPath(times, position, (end - begin) * rate[:, None], 1.0 - share, turn * rate)

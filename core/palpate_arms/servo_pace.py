@@ -1,4 +1,4 @@
-"""The pace of the servo loop: absolute deadlines, and what the host makes of them.
+"""The pace of the servo loop: absolute deadlines, and those that the host lets pass.
 
 A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command
 is there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles.
@@ -20,42 +20,46 @@ from palpate_arms.lateness import Lateness
 from palpate_arms.setpoint_buffer import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
-_STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per cent of the speed
+_NEVER = 1 << 62  # [ns], later than any time
+# Choices (0151).
+_MAX_CORRECTION = 5_000  # [ns] by which a deadline is moved: a quarter of a per cent of the speed
 _SPAN = 250  # states; clocks part by less than 0.1 ms meanwhile, and one that has stood still is found again
-_NEVER = 1 << 62  # [ns]
-_AFTER = 200_000  # [ns] after the earliest state
+_BEHIND_STATE = 200_000  # [ns] from the earliest state to the deadline
 _IN_TIME = 1_000_000  # [ns] after its deadline a command comes before a tick that is 0.8 ms before its state
+_LOOK_SHARE = 0.95  # of the time to the next deadline, within which the state is read once more
 
 
 def next_deadline(deadline: int, sent: int, now: int) -> tuple[int, int]:
-    """Return the deadline [ns] after one whose command was `sent`, on its grid, and how many are left out until
-    then."""
-    taken = (sent - deadline - _IN_TIME) // _TICK + 1
-    passed = (now - deadline - _IN_TIME) // _TICK
-    left_out = max(taken, passed, 0)
+    """Return the deadline [ns] after one whose command was `sent`, on its grid, and the number left out until then."""
+    # Those whose tick may take the command that was late, and those that have passed by now.
+    late_ticks = (sent - deadline - _IN_TIME) // _TICK + 1
+    passed_ticks = (now - deadline - _IN_TIME) // _TICK
+    left_out = max(late_ticks, passed_ticks, 0)
     return deadline + (1 + left_out) * _TICK, left_out
 
 
 class Beat:
-    """When the controller ticks, by the states that it sends at each tick."""
+    """The ticks of the controller, by the states that it sends at each of them."""
 
     def __init__(self) -> None:
-        self._before = self._now = _NEVER  # [ns] of its clock, by the state that was least late, in a span of states
+        # [ns] from its clock to the host's, by the least late state of the last span of states, and of this one.
+        self._last_offset = self._offset = _NEVER
         self._count = 0
 
     def saw(self, stamp: int, seen: int) -> None:
-        """A state of the controller's time `stamp` [ns] was seen at a monotonic time [ns]."""
+        """Take over a state of the controller's time `stamp` [ns] that was seen at a monotonic time [ns]."""
         if self._count % _SPAN == 0:
-            self._before, self._now = self._now, _NEVER
+            self._last_offset, self._offset = self._offset, _NEVER
         self._count += 1
-        self._now = min(self._now, seen - stamp)
+        self._offset = min(self._offset, seen - stamp)
 
     def correction(self, deadline: int) -> int:
-        """By how much to move a deadline [ns], towards the time at which states come."""
+        """Return by how much [ns] to move a deadline [ns] towards the time at which states arrive."""
         if self._count == 0:
             return 0
-        off = (deadline - min(self._before, self._now) - _AFTER) % _TICK
-        return max(-_STEP, min(_STEP, -off if off < _TICK // 2 else _TICK - off))
+        lateness = (deadline - min(self._last_offset, self._offset) - _BEHIND_STATE) % _TICK
+        correction = -lateness if lateness < _TICK // 2 else _TICK - lateness
+        return max(-_MAX_CORRECTION, min(_MAX_CORRECTION, correction))
 
 
 class Pace:
@@ -67,8 +71,7 @@ class Pace:
         self._random = random.Random(0)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """Call a cycle at each deadline, given the time [ns] and how many were left out; a look between two of
-        them."""
+        """Call a cycle at each deadline, with the time [ns] and the number left out; look at a state between two."""
         deadline, left_out = clock().now_ns() + _TICK, 0
         while True:
             now = self._sleep(max(deadline - clock().now_ns(), 0))
@@ -78,9 +81,9 @@ class Pace:
             sent = clock().now_ns()
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
-            rest = deadline + _TICK - clock().now_ns()
-            if rest > _TICK // 4:
-                self._sleep(round(rest * self._random.uniform(0.0, 0.95)))
+            remaining = deadline + _TICK - clock().now_ns()
+            if remaining > _TICK // 4:
+                self._sleep(round(remaining * self._random.uniform(0.0, _LOOK_SHARE)))
                 look()
             deadline, left_out = next_deadline(deadline, sent, clock().now_ns())
             deadline += self._beat.correction(deadline)
@@ -88,7 +91,7 @@ class Pace:
                 self._lateness.skipped(left_out * _TICK)
 
     def _sleep(self, duration: int) -> int:
-        """Sleep [ns]; the time then. What it takes longer is counted as the host's."""
+        """Sleep [ns], and return the time [ns] then; what it takes longer is counted as the host's."""
         if duration <= 0:
             return clock().now_ns()
         until = clock().now_ns() + duration

@@ -13,12 +13,13 @@ from palpate import Floats, Setpoint, Surface, Trajectory, duration_of, setpoint
 
 from palpate_arms.setpoint_rows import PLAN, SETPOINT
 
-PERIOD = 0.002  # [s]
-_PIECE = 2048  # rows that are looked over at a time, in a tenth of a period
-_COMMON = 2  # rows of two pieces: accelerations are of three rows
-_BLOCK = 512  # rows that are read at a time
+PERIOD = 0.002  # [s], that of a UR's controller: 500 commands a second
+# Choices.
+_PIECE = 2048  # rows that are checked at a time, in a tenth of a period
+_BLOCK = 512  # rows that are read at a time, a second of the motion
 _AHEAD = 32  # blocks; so early the system is asked for one
-_ROW_BYTES = 8 * PLAN.size
+_COMMON = 2  # rows of two pieces: accelerations are of three rows
+_ROW_BYTES = 8 * PLAN.size  # float64
 _PLACE = PLAN["position"]
 _ACROSS = slice(_PLACE.start, _PLACE.start + 2)
 _LEVEL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # no turn, and the plane of the work frame
@@ -30,14 +31,14 @@ class Plan:
     def __init__(self, count: int, read: Callable[[int, int], Floats], ask: Callable[[int, int], None]) -> None:
         self._count, self._read, self._ask = count, read, ask
         self._blocks: dict[int, Floats] = {}  # two at most
-        # [m/s], [rad/s], [m] of the rows that were looked over
+        # [m/s], [rad/s], [m] of the rows that were checked
         self.fastest, self.fastest_turn, self.lowest = 0.0, 0.0, np.inf
         self.lateral = 0.0  # [m] across the normal of the work frame, from the first row, along an axis
-        self.ends = np.zeros((2, PLAN.size))  # first and last row that were looked over
+        self.ends = np.zeros((2, PLAN.size))  # first and last row that were checked
 
     @classmethod
     def of(cls, table: Floats) -> Plan:
-        """Rows (n, 16), or (n, 7) without a turn, in memory, looked over."""
+        """Return a plan of rows (n, 16), or (n, 7) without a turn, in memory and with its extremes."""
         if table.shape[1] == SETPOINT.size:
             table = np.hstack([table, np.tile(_LEVEL, (len(table), 1))])
         plan = cls(len(table), lambda first, last: table[first:last], lambda first, last: None)
@@ -47,7 +48,7 @@ class Plan:
 
     @classmethod
     def in_file(cls, descriptor: int, count: int) -> Plan:
-        """So many rows in an open file."""
+        """Return a plan of so many rows in an open file."""
 
         def read(first: int, last: int) -> Floats:
             data = os.pread(descriptor, (last - first) * _ROW_BYTES, first * _ROW_BYTES)
@@ -68,7 +69,8 @@ class Plan:
         number, place = divmod(row, _BLOCK)
         block = self._blocks.get(number)
         if block is None:
-            self._blocks = {key: held for key, held in self._blocks.items() if key == number - 1}
+            # The previous block stays, for a motion that goes back a little; the system reads ahead.
+            self._blocks = {key: rows for key, rows in self._blocks.items() if key == number - 1}
             first = number * _BLOCK
             block = self._blocks[number] = self._read(first, min(first + _BLOCK, self._count))
             self._ask(first + _AHEAD * _BLOCK, first + (_AHEAD + 1) * _BLOCK)
@@ -78,6 +80,7 @@ class Plan:
         """Yield all rows (n, 16), piece by piece; each begins with the last two rows of the one before."""
         for first in range(0, self._count, _PIECE):
             rows = self._read(max(first - _COMMON, 0), min(first + _PIECE, self._count))
+            # Speeds from row to row, and the extremes of all rows so far.
             ways = np.linalg.norm(np.diff(rows[:, _PLACE], axis=0), axis=1)
             self.fastest = max(self.fastest, float(ways.max(initial=0.0)) / PERIOD)
             turns = np.linalg.norm(np.diff(rows[:, PLAN["turn"]], axis=0), axis=1)
@@ -92,11 +95,11 @@ class Plan:
 
 @contextmanager
 def write_setpoints(trajectory: Trajectory, axes: Floats | None = None) -> Iterator[tuple[IO[bytes], int]]:
-    """A file without a name that holds the setpoints of a motion, and how many; raises OSError if the disk is full.
+    """Yield a file without a name that holds the setpoints of a motion, and their number; raises OSError.
 
     Planes of a surface are looked up here, before anything moves: in the servo loop nothing is. `axes` (3, 3) are those
     of the work frame in the frame of a tool that is not turned.
-    On the disk, not in memory: of a motion of hours the system may put aside what is not needed yet.
+    On the disk, which may be full, not in memory: of a motion of hours the system may put aside what comes later.
     """
     count, surface = int(np.floor(duration_of(trajectory) / PERIOD + 1e-9)) + 1, surface_of(trajectory)
     with tempfile.TemporaryFile(prefix="palpate-") as file:
@@ -110,7 +113,7 @@ def write_setpoints(trajectory: Trajectory, axes: Floats | None = None) -> Itera
 
 
 def _rows(setpoint: Setpoint, surface: Surface | None, axes: Floats) -> Floats:
-    """Rows (n, 16) of setpoints, with the planes of a surface below them."""
+    """Return rows (n, 16) of setpoints, with the planes of a surface below them."""
     rows = np.empty((len(setpoint.position), PLAN.size))
     rows[:, PLAN["position"]], rows[:, PLAN["velocity"]] = setpoint.position, setpoint.velocity
     rows[:, PLAN.at("measuring")] = setpoint.measuring

@@ -13,10 +13,12 @@ from palpate_arms.servo_law import ServoLaw, straight_path
 from palpate_arms.station_plane import LEVEL, StationPlane
 from palpate_arms.tool_turns import tool_turn, turn_after, turn_from_to
 
+_NO_TURN = 1e-12  # [rad], in place of 0 in a quotient
+
 
 @dataclass(frozen=True)
 class FirstStation:
-    """Where a motion begins, and the plane of the skin below."""
+    """The place at which a motion begins, and the plane of the skin below."""
 
     place: Floats  # (3,) [m]
     turn: Floats | None  # (3,) of the tool, in its frame; None where it keeps the work frame's orientation
@@ -24,7 +26,7 @@ class FirstStation:
 
     @classmethod
     def of(cls, trajectory: Trajectory, work: WorkFrame) -> FirstStation:
-        """That of a motion; raises ConfigurationError where a surface is not known below it."""
+        """Return the first station of a motion; raises ConfigurationError where a surface is not known below it."""
         first, surface = setpoints_at(trajectory, np.zeros(1)), surface_of(trajectory)
         place, turn = first.position[0], None if first.rotation is None else work.axes_in_tool @ first.rotation[0]
         if surface is None:
@@ -40,15 +42,18 @@ class FirstStation:
 def start_path(
     station: FirstStation, position: Floats, rotation: Floats, law: ServoLaw, work: WorkFrame
 ) -> tuple[Floats, Setpoint]:
-    """Times (n,) [s] and setpoints of the way from a position (3,) [m] of a tool (3, 3) in the base."""
-    by = station.turn_from(work, rotation)
-    angle = float(np.linalg.norm(by))
+    """Return times (n,) [s] and setpoints of the way from a position (3,) [m] of a tool (3, 3) in the base."""
+    # A straight way that lasts long enough for the turn as well.
+    remaining_turn = station.turn_from(work, rotation)
+    angle = float(np.linalg.norm(remaining_turn))
     path = straight_path(position, station.place, law, angle)
-    now, inverse = tool_turn(work, rotation), work.axes_in_tool.T
-    axis = inverse @ rotation_matrix(now.tolist()) @ (by / max(angle, 1e-12))
-    turned = None
+    # Axis and turns in the work frame; the turn begins with that of the tool now.
+    begin, to_work = tool_turn(work, rotation), work.axes_in_tool.T
+    axis = to_work @ rotation_matrix(begin.tolist()) @ (remaining_turn / max(angle, _NO_TURN))
+    turns = None
     if station.turn is not None:
-        turned = np.array([inverse @ turn_after(now, by * (1.0 - left)) for left in path.left.tolist()])
-    idle = np.zeros(len(path.times), bool)
+        shares = (1.0 - path.left).tolist()
+        turns = np.array([to_work @ turn_after(begin, remaining_turn * share) for share in shares])
+    measuring = np.zeros(len(path.times), bool)
     turning = path.turning[:, None] * axis
-    return path.times, Setpoint(path.position, path.velocity, idle, turned, turning, law.lever)
+    return path.times, Setpoint(path.position, path.velocity, measuring, turns, turning, law.lever)

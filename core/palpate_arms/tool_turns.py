@@ -27,16 +27,19 @@ def turn_from_to(turn: Floats, other: Floats) -> Floats:
     return rotation_vector(rotation_matrix(turn.tolist()).T @ rotation_matrix(other.tolist()))
 
 
-def turning(turn: Floats, before: Floats) -> Floats:
-    """Angular velocity (3,) [rad/s] from one turn of the tool to the next, in the frame of a tool not turned."""
-    change = (turn - before) / PERIOD
+def turning(turn: Floats, previous: Floats) -> Floats:
+    """Return the angular velocity (3,) [rad/s] from a turn of the tool to the next, in the frame of a tool not turned.
+
+    That of the rotation vector halfway, which changes by the difference in a period.
+    """
+    change = (turn - previous) / PERIOD
     if not change.any():
         return np.asarray(change)
-    return np.asarray(angular_velocities(0.5 * (turn + before)[None], change[None])[0])
+    return np.asarray(angular_velocities(0.5 * (turn + previous)[None], change[None])[0])
 
 
 def fastest_turn(turns: Floats) -> float:
-    """Largest angular speed [rad/s] of turns (n, 3), one in each period."""
+    """Return the largest angular speed [rad/s] of turns (n, 3), one in each period."""
     change = np.diff(turns, axis=0) / PERIOD
     if not change.any():
         return 0.0

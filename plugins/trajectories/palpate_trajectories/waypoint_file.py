@@ -64,8 +64,8 @@ class FromFile(Trajectory):
         from scipy.interpolate import make_interp_spline
 
         table = self._waypoints
-        rest = [(1, np.zeros(3)), (2, np.zeros(3))]  # first and second derivative
-        position = make_interp_spline(table[:, 0], table[:, 1:4], k=_DEGREE, bc_type=(rest, rest))
+        at_rest = [(1, np.zeros(3)), (2, np.zeros(3))]  # first and second derivative
+        position = make_interp_spline(table[:, 0], table[:, 1:4], k=_DEGREE, bc_type=(at_rest, at_rest))
         return position, position.derivative()
 
     @property

@@ -93,11 +93,11 @@ class Echo:
         if any(command.sent <= now - self._shortest_answer + _SAME_INSTANT for command in pending):
             return math.dist(latest.place.tolist(), answered.place.tolist())
         # Else the last one that was sent before the newest state.
-        taken = answered
+        latest_taken = answered
         for command in pending:
             if command.sent < now - _SAME_INSTANT:
-                taken = command
-        return math.dist(latest.place.tolist(), taken.place.tolist())
+                latest_taken = command
+        return math.dist(latest.place.tolist(), latest_taken.place.tolist())
 
     def silence(self, now: float) -> float:
         """Return for how long [s], at a time [s], commands have been on their way without one that arrived."""
