@@ -186,7 +186,10 @@ class AlignmentSettings(Settings):
         """The standard uncertainty [rad] of mounting and normal, as far as used, and True for a declared one."""
         stated = {"mounting": self.mounting_uncertainty} if self.is_oriented else {}
         stated |= {"normal": self.normal_uncertainty} if self.is_projecting else {}
-        return {name: (_DIRECTION_STD if std is None else std, std is not None) for name, std in stated.items()}
+        uncertainties = dict[str, tuple[float, bool]]()
+        for name, std in stated.items():
+            uncertainties[name] = (_DIRECTION_STD if std is None else std, std is not None)
+        return uncertainties
 
     @property
     def is_oriented(self) -> bool:

@@ -164,7 +164,7 @@ class WallClock(Clock):
 
     def processor_time(self) -> float:
         """Return the processor time [s] of this process and of its children that have ended."""
-        return sum(os.times()[:4])
+        return sum(os.times()[:4])  # user and system time of the process, then of its children
 
     def contention(self) -> str | None:
         """Count by the fourth field of ``/proc/loadavg``, "ready/all" of the threads of all programs (proc(5))."""

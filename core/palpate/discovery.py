@@ -126,6 +126,7 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     manager.register(core_flags, "palpate")
     failures: dict[str, str] = {}
     installed = installed_plugins(tuple(sys.path))
+    # Installed plugins, of third parties those that the user admits.
     switch = PluginSwitch.of_environment()
     third_parties = {plugin.name: normalized_name(plugin.distribution) for plugin in installed if not plugin.own}
     for plugin in installed:
@@ -141,16 +142,20 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
         except RAISED_BY_PARTS as error:  # whatever a third-party import raises
             failures[name] = f"plugin {name} could not be loaded: {_cause(error)}{_import_place(error)}"
     for path in files:
-        file = path if isinstance(path, PluginFile) else PluginFile.read(path)
-        module = import_plugin_file(file)
-        if problem := interface_problem(module):
-            raise PluginError(f"plugin file {file.path}: {problem}")
-        try:
-            _register(manager, module, str(file.path))
-        except Exception as error:
-            raise PluginError(f"plugin file {file.path} could not be loaded: {_cause(error)}") from error
+        _register_file(manager, path if isinstance(path, PluginFile) else PluginFile.read(path))
     shipped = frozenset(plugin.name for plugin in installed if plugin.own)
     return Discovery(manager, failures, shipped, switch.left_out(third_parties))
+
+
+def _register_file(manager: pluggy.PluginManager, file: PluginFile) -> None:
+    """Import a plugin file and register it; raises PluginError where either fails."""
+    module = import_plugin_file(file)
+    if problem := interface_problem(module):
+        raise PluginError(f"plugin file {file.path}: {problem}")
+    try:
+        _register(manager, module, str(file.path))
+    except Exception as error:
+        raise PluginError(f"plugin file {file.path} could not be loaded: {_cause(error)}") from error
 
 
 def _import_place(error: BaseException) -> str:
@@ -227,6 +232,7 @@ def _advice(error: BaseException, path: Path) -> str:
 
 
 def _executes(module: ModuleType, file: PluginFile) -> bool:
+    """Return True if a module executes the content of a file, under its path."""
     source = plugin_file_of(module)
     return source is not None and (source.path.resolve(), source.content) == (file.path.resolve(), file.content)
 
@@ -238,12 +244,14 @@ def plugin_file_of(module: Any) -> PluginFile | None:
 
 
 def _digest(module: Any) -> str:
+    """Return the SHA-256 of a plugin file's content; empty for an installed plugin."""
     file = plugin_file_of(module)
     return file.digest if file else ""
 
 
 def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
     """Yield sentences on functions that look like hooks but are not, and on a plugin without any."""
+    # Functions that pluggy has marked, and those that are named like hooks.
     hook_names = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}

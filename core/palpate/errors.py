@@ -26,6 +26,7 @@ from types import FrameType, MappingProxyType
 RAISED_BY_PARTS = (Exception, SystemExit)  # by code of others; exit() in a part is a mistake of the part
 _SHOWN = 12  # a choice: names in a message
 _SIMILARITY = 0.6  # a choice, that of difflib: names at least so similar are suggested
+_SIGNAL_EXIT = 128  # POSIX shells: the exit code of a process that a signal ended, less the signal's number
 _SHARED = "; all plugins share the readings and estimates of a run, so they are read-only: change a copy"
 
 
@@ -53,10 +54,10 @@ class StoppedError(PalpateError):
 
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
-        self.exit_code = 128 + number
+        self.exit_code = _SIGNAL_EXIT + number
 
     def __reduce__(self) -> tuple[type[StoppedError], tuple[str, int]]:
-        return StoppedError, (str(self), self.exit_code - 128)
+        return StoppedError, (str(self), self.exit_code - _SIGNAL_EXIT)
 
 
 class UserError(PalpateError):

@@ -21,6 +21,9 @@ class Unknown:
     interval: tuple[float, float] | None = None
 
 
+_PERCENT = 100.0
+
+
 @dataclass(frozen=True)
 class Effect:
     """The effect of one source of uncertainty on one unknown."""
@@ -32,7 +35,7 @@ class Effect:
     @classmethod
     def of(cls, value: float, contribution: float, sensitivity: float | None = None) -> Effect:
         """Return the effect of a source that contributes a standard uncertainty to a value."""
-        return cls(sensitivity, contribution, 100.0 * contribution / abs(value) if value else None)
+        return cls(sensitivity, contribution, _PERCENT * contribution / abs(value) if value else None)
 
 
 @dataclass(frozen=True)

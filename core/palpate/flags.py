@@ -77,7 +77,10 @@ class Flag:
         if self.remedy:
             table["remedy"] = self.remedy
         if self.effects is not None:
-            table["effects"] = {name: size if math.isfinite(size) else None for name, size in self.effects.items()}
+            effects = dict[str, float | None]()
+            for name, size in self.effects.items():
+                effects[name] = size if math.isfinite(size) else None  # no bound is null
+            table["effects"] = effects
         if self.suspects:
             table["suspects"] = [*self.suspects]
         if self.moves:
@@ -89,9 +92,11 @@ class Flag:
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> Flag:
         """Return the flag of a table made by `table`."""
-        effects = table.get("effects")
-        if effects is not None:
-            effects = {name: math.inf if size is None else size for name, size in effects.items()}
+        effects = None
+        if table.get("effects") is not None:
+            effects = dict[str, float]()
+            for name, size in table["effects"].items():
+                effects[name] = math.inf if size is None else size  # null is no bound
         evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
         remedy = table.get("remedy", "")
         suspects, moves = tuple(table.get("suspects", ())), tuple(table.get("moves", ()))
@@ -138,11 +143,13 @@ def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> 
 
 def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:
     """Return the flag of one cause, with its evidence."""
+    # Signs that raise the flag itself, and those of another code, which are evidence of it.
     meaning = meanings.get(code, UNREGISTERED)
     raised = [sign for sign in signs if sign.code == code]
     evidence = [sign for sign in signs if sign.code != code]
     for flag in raised:
         evidence += flag.evidence
+    # In the words of the flag itself, where it was raised.
     message = "; ".join(dict.fromkeys(sign.message for sign in raised or signs))
     causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes or ()))
     remedy = next((sign.remedy for sign in raised or signs if sign.remedy), meaning.remedy)
@@ -155,11 +162,11 @@ def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMean
 
 def _largest_effects(signs: Iterable[Flag]) -> dict[str, float] | None:
     """Return the largest effect of any sign on each value; None where no sign has known effects."""
-    known = [sign.effects for sign in signs if sign.effects is not None]
-    if not known:
+    stated = [sign.effects for sign in signs if sign.effects is not None]
+    if not stated:
         return None
-    names = dict.fromkeys(name for effects in known for name in effects)
-    return {name: max(effects.get(name, 0.0) for effects in known) for name in names}
+    names = dict.fromkeys(name for effects in stated for name in effects)
+    return {name: max(effects.get(name, 0.0) for effects in stated) for name in names}
 
 
 def verdict(flags: Iterable[Flag]) -> Verdict:

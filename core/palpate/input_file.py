@@ -12,6 +12,7 @@ from stat import S_ISREG
 from typing import Any
 
 LARGEST = 1 << 25  # [bytes], a choice: of a file from which a pipeline takes data
+_MAX_SHOWN = 80  # characters, a choice: of a path in a message
 _MAX_TEXT = 1 << 28  # [bytes], a choice: of a text that is read at once, such as the fits of ten thousand logs
 _TOO_DEEP = "tables and lists are nested too deep"
 
@@ -37,7 +38,7 @@ def check_input(path: Path, enclosure: Enclosure | None = None) -> None:
     try:
         status = path.stat()
     except ValueError as error:
-        raise ValueError(f"{str(path)[:80]!r}: no file can have this name ({error})") from error
+        raise ValueError(f"{str(path)[:_MAX_SHOWN]!r}: no file can have this name ({error})") from error
     except OSError:
         return
     if not S_ISREG(status.st_mode):

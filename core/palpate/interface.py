@@ -73,8 +73,8 @@ def interface_problem(module: ModuleType) -> str:
     stated = stated_api(module)
     if stated is None or (isinstance(stated, int) and OLDEST_API <= stated <= API):
         return ""
-    known = f"{API}" if OLDEST_API == API else f"{OLDEST_API} to {API}"
-    return f"{STATED_BY} is {stated!r}, and this palpate knows {known}: install a palpate or a plugin that fits"
+    numbers = f"{API}" if OLDEST_API == API else f"{OLDEST_API} to {API}"
+    return f"{STATED_BY} is {stated!r}, and this palpate knows {numbers}: install a palpate or a plugin that fits"
 
 
 def stated_api(module: object) -> Any:

@@ -72,7 +72,7 @@ def _is_branch(step: int | str) -> bool:
 
 
 _MISSING = "is missing"
-_WORDS = {
+_TYPE_NAMES = {
     "int": "a whole number",
     "float": "a number",
     "bool": "true or false",
@@ -93,13 +93,13 @@ def _problem(detail: ErrorDetails, settings: type[BaseModel], keys: Location) ->
         return f"unknown key {keys[-1]!r}{suggest(keys[-1], _fields(settings, keys[:-1]))}"
     if kind == "literal_error":
         expected = str(detail.get("ctx", {}).get("expected", "")).replace(" or ", ",").split(",")
-        allowed = [word.strip().strip("'") for word in expected]
+        allowed = [choice.strip().strip("'") for choice in expected]
         return f"{_as_toml(value)} is not allowed{suggest(str(value), allowed)}"
     if kind in ("quantity", "tare", "value_error"):
         return detail["msg"].removeprefix("Value error, ")
-    word = _WORDS.get(kind.split("_")[0])
-    if word is not None and kind.endswith(("_type", "_from_float", "_parsing")):
-        return f"must be {word}, not {_as_toml(value)}"
+    type_name = _TYPE_NAMES.get(kind.split("_")[0])
+    if type_name is not None and kind.endswith(("_type", "_from_float", "_parsing")):
+        return f"must be {type_name}, not {_as_toml(value)}"
     return f"{_as_toml(value)}: {detail['msg'].replace('Input should', 'must')}"
 
 

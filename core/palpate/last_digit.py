@@ -19,6 +19,8 @@ _QUIET_SHARE = 2.0 / 3.0  # of third differences that have no more, where the no
 _SMOOTH_SHARE = 3e-5
 _BINARY_ROUNDING = 1e-12  # of the largest reading, below which two decimal numbers are the same
 _PLATEAU_STEPS = 1.5  # between the levels of a plateau, which differ by one
+_ROUNDING = 1.0 + 1e-6  # times a bound that a difference of rounded readings may equal
+_ORDER = 3  # of the differences that show noise
 
 
 @dataclass(frozen=True)
@@ -37,18 +39,18 @@ class LastDigit:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of rounding: of a uniform distribution over the step."""
+        """Standard deviation of rounding: of a uniform distribution over the step, q/sqrt(12)."""
         return self.step / math.sqrt(12.0)
 
     def quiet_change(self, span: float) -> float:
         """Return the most that a third difference of readings of this range has where these have no noise."""
-        return max(_QUIET_STEPS * self.step, _SMOOTH_SHARE * span) * (1.0 + 1e-6)
+        return max(_QUIET_STEPS * self.step, _SMOOTH_SHARE * span) * _ROUNDING
 
     def exceeds_noise(self, values: Floats) -> bool:
         """Return True if readings (n,) show a noise below half a step, or none at all."""
-        if len(values) < 4:
+        if len(values) <= _ORDER:
             return False
-        third = np.abs(np.diff(values, 3))
+        third = np.abs(np.diff(values, _ORDER))
         return float(np.mean(third <= self.quiet_change(float(np.ptp(values))))) >= _QUIET_SHARE
 
     def plateau_sizes(self, values: Floats) -> Floats:
@@ -56,6 +58,7 @@ class LastDigit:
 
         Noise far below a step makes readings go to and fro between two levels, which are one plateau.
         """
+        # A plateau ends at the change that would make its levels differ by more.
         reach, sizes = _PLATEAU_STEPS * self.step, np.ones(len(values))
         changes = np.flatnonzero(np.append(True, np.diff(values) != 0.0)[: len(values)])
         begin, lowest, highest = 0, math.inf, -math.inf

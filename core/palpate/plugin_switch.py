@@ -46,12 +46,12 @@ class PluginSwitch:
         `installed` holds the distributions of third parties by the names of their plugins.
         """
         absent = [name for name, distribution in installed.items() if not self.admits(distribution)]
-        known = {*installed.values(), "palpate"}
-        unknown = sorted(self.distributions - known)
+        distributions = {*installed.values(), "palpate"}
+        unknown = sorted(self.distributions - distributions)
         return (
             *(f"plugin {name} is left out: {SWITCH} is {self.text!r}" for name in absent),
             *(
-                f"{SWITCH} names {name!r}, which is not installed with plugins{suggest(name, known)}"
+                f"{SWITCH} names {name!r}, which is not installed with plugins{suggest(name, distributions)}"
                 for name in unknown
             ),
         )

@@ -131,8 +131,8 @@ class Registry:
             if below := self.subcommands(name):
                 raise PluginError(f"{name!r} is the first word of commands (there are: {', '.join(sorted(below))})")
             first = {whole.partition(" ")[0] for whole in self.commands}
-            words = {whole.rpartition(" ")[2]: whole for whole in self.commands} | {word: word for word in first}
-            close = [words[word] for word in get_close_matches(name, words, n=1)]
+            by_part = {whole.rpartition(" ")[2]: whole for whole in self.commands} | {part: part for part in first}
+            close = [by_part[part] for part in get_close_matches(name, by_part, n=1)]
             hint = suggest(close[0] if close else name, {*first, *close})
             # An editable installation knows the plugins of the day it was made.
             hint += "" if "did you mean" in hint else "; after an update, reinstall palpate (pip install)"
@@ -162,20 +162,18 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     PluginError where a file fails, or claims a name of palpate's own.
     """
     discovery = discover(_with_files_at_hand(files))
-    parts = {
-        kind: {
-            key: Entry(key.rpartition(":")[2], part, plugin, root)
-            for key, (part, plugin) in discovery.named(kind, hook, root).items()
-        }
-        for kind, (hook, root) in hooks.KINDS.items()
-    }
-    offered: dict[str, Any] = {
-        hook.removeprefix("palpate_"): {
-            name: FlagEntry(offer, plugin) if kind == "flag" else offer
-            for name, (offer, plugin) in discovery.named(kind, hook, root).items()
-        }
-        for kind, (hook, root) in hooks.EXTENSIONS.items()
-    }
+    # Parts by kind and key, of which the name is what follows the distribution.
+    parts = dict[str, dict[str, Entry]]()
+    for kind, (hook, root) in hooks.KINDS.items():
+        entries = parts[kind] = dict[str, Entry]()
+        for key, (part, plugin) in discovery.named(kind, hook, root).items():
+            entries[key] = Entry(key.rpartition(":")[2], part, plugin, root)
+    # Offers by the field of the registry; a flag keeps its plugin.
+    offered: dict[str, Any] = {}
+    for kind, (hook, root) in hooks.EXTENSIONS.items():
+        items = offered[hook.removeprefix("palpate_")] = dict[str, Any]()
+        for name, (offer, plugin) in discovery.named(kind, hook, root).items():
+            items[name] = FlagEntry(offer, plugin) if kind == "flag" else offer
     plugins = tuple(discovery.plugins.values())
     offered |= discovery.offers
     offered |= {"ambiguous": discovery.ambiguous, "left_out": discovery.left_out}

@@ -13,6 +13,7 @@ from palpate.vectors import Floats
 _STUCK_SPAN = 0.1  # [s], a choice: a sensor that repeats itself for longer no longer measures
 _STUCK_RATIO = 5  # longest runs at standstill, a choice: nor does one before so many
 _SUSPECT_SPAN = 0.03  # [s], a choice: in place of `_STUCK_SPAN`, for a run that continues
+_MS = 1e3  # per second
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class RepeatCount:
         self._columns = sorted({first + column for group in usual.groups for column in group})
         self._groups = [[self._columns.index(first + column) for column in group] for group in usual.groups]
         self._stuck, self._suspect = usual.most(_STUCK_SPAN), usual.most(_SUSPECT_SPAN)
-        self._before: Floats | None = None
+        self._previous: Floats | None = None  # the latest reading so far
         self._runs = np.zeros(len(self._groups), np.int64)  # those that continue
         self.longest = self._runs.copy()  # of the latest readings
 
@@ -60,11 +61,11 @@ class RepeatCount:
         if not len(rows):
             return
         rows = rows[:, self._columns]
-        before = np.full((1, rows.shape[1]), np.inf) if self._before is None else self._before
+        previous = np.full((1, rows.shape[1]), np.inf) if self._previous is None else self._previous
         # A missing reading (NaN) repeats a missing one.
-        joined = np.concatenate([before, rows])
+        joined = np.concatenate([previous, rows])
         changed = (joined[1:] != joined[:-1]) & ~(np.isnan(joined[1:]) & np.isnan(joined[:-1]))
-        self._before = joined[-1:]
+        self._previous = joined[-1:]
         if changed.all():  # the usual case, and fast: it is that of each period of a servo loop
             self.longest, self._runs = np.maximum(self._runs, 1), np.ones_like(self._runs)
             return
@@ -83,16 +84,19 @@ class RepeatCount:
         if not len(stuck):
             return None
         group, usual = int(stuck[0]), self._usual
-        duration, at_standstill = (1e3 * runs[group] / usual.rate for runs in (self.longest, usual.longest))  # [ms]
+        duration, at_standstill = _MS * self.longest[group] / usual.rate, _MS * usual.longest[group] / usual.rate
         return (
             f"{usual.names[group]} repeats its reading in every digit for {duration:.0f} ms (at standstill for "
             f"{at_standstill:.0f} ms at most): the sensor is stuck or clipped, and the force is unknown"
         )
 
 
-def _runs(changed: NDArray[np.bool_], before: int) -> tuple[int, int]:
-    """Return the run that continues at the end, and the longest; `changed` (n,): True where a reading differs."""
-    edges = np.concatenate([[-before], np.flatnonzero(changed), [len(changed)]])
+def _runs(changed: NDArray[np.bool_], begun: int) -> tuple[int, int]:
+    """Return the run that continues at the end, and the longest; `changed` (n,): True where a reading differs.
+
+    The first run continues one of `begun` readings.
+    """
+    edges = np.concatenate([[-begun], np.flatnonzero(changed), [len(changed)]])
     runs = np.diff(edges)
     return int(runs[-1]), int(runs.max())
 

@@ -49,7 +49,10 @@ def angular_velocities(rotation: Floats, rate: Floats) -> Floats:
 
 
 def _coefficients(rotation: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 (n,) of the angles a."""
+    """Return sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 (n,) of the angles a.
+
+    Of small ones their series, 1 - a^2/6, 1/2 - a^2/24 and 1/6 - a^2/120: the next terms are below rounding.
+    """
     square = (rotation * rotation).sum(axis=1)
     small = square < _SMALL**2
     a = np.where(small, 1.0, np.sqrt(square))

@@ -22,6 +22,7 @@ _END_SHARE = 5  # a choice: a drift is taken from a fifth of the record at each 
 _USUAL_CHANGE = 1.2  # times the largest usual change, a choice: the same of readings without noise
 _QUIET_SHARE = 0.66  # of third differences of readings that change; with a noise of half a step fewer are quiet
 _BINS = 8  # a choice: of third differences, to a factor of two
+_ORDER = 3  # of the differences that show noise: the course of a force has hardly any (see `last_digit`)
 
 
 @dataclass
@@ -137,24 +138,29 @@ class Health:
         """
         self.lowest = min(self.lowest, float(values[before:].min(initial=np.inf)))
         self.highest = max(self.highest, float(values[before:].max(initial=-np.inf)))
-        first = np.diff(values[max(before - 3, 0) :])
-        if len(first) < 3:
+        # Third differences that need a new reading, but for those of equal readings, counted by their size.
+        first = np.diff(values[max(before - _ORDER, 0) :])
+        if len(first) < _ORDER:
             return
         third = np.abs(np.diff(first, 2))
         moving = third[(first[2:] != 0.0) | (first[1:-1] != 0.0) | (first[:-2] != 0.0)]
-        places = np.floor(_BINS * np.log2(np.maximum(moving, np.finfo(float).tiny))).astype(int)
-        bins, counts = np.unique(places, return_counts=True)
+        sizes = np.floor(_BINS * np.log2(np.maximum(moving, np.finfo(float).tiny))).astype(int)
+        bins, counts = np.unique(sizes, return_counts=True)
         self._third_differences.update(dict(zip(bins.tolist(), counts.tolist(), strict=True)))
 
     @property
     def _is_quiet(self) -> bool:
         """True if readings that change have a noise below about half of their step, or none at all."""
-        most = LastDigit(self.step).quiet_change(self.highest - self.lowest) if math.isfinite(self.step) else 0.0
-        every = sum(self._third_differences.values())
-        if not every or not most > 0.0:
+        quiet_change = 0.0
+        if math.isfinite(self.step):
+            quiet_change = LastDigit(self.step).quiet_change(self.highest - self.lowest)
+        total = sum(self._third_differences.values())
+        if not total or not quiet_change > 0.0:
             return False
-        place = math.floor(_BINS * math.log2(most))
-        return sum(n for at, n in self._third_differences.items() if at <= place) >= _QUIET_SHARE * every
+        # The share of third differences that readings without noise have.
+        quiet_bin = math.floor(_BINS * math.log2(quiet_change))
+        quiet = sum(count for number, count in self._third_differences.items() if number <= quiet_bin)
+        return quiet >= _QUIET_SHARE * total
 
     @property
     def longest_stand(self) -> int:
@@ -192,6 +198,7 @@ class Health:
         stamp_span = self.last - self.first
         if self.has_arrivals and arrival_span < RATE_TOLERANCE * stamp_span < RATE_TOLERANCE**2 * arrival_span:
             return None
+        # The mean rate, without gaps unless these are most of the record, and the contradiction by most intervals.
         mostly_gaps = 2 * self.gaps > intervals
         count = intervals if mostly_gaps else intervals - self.gaps
         seconds = (stamp_span - (0 if mostly_gaps else self.paused)) / _SECOND

@@ -39,6 +39,7 @@ class SurfacePoints:
         return SurfacePoints(**columns, unknown={**self.unknown, **unknown})
 
 
+_MM = 1e3  # per metre
 _COLUMNS = {"position": 3, "normal": 3, "height": 0, "curvature": 2}
 _COLUMNS |= {"position_std": 0, "normal_std": 0, "curvature_std": 2}
 
@@ -73,7 +74,7 @@ def surface_points(surface: Surface, places: Floats) -> SurfacePoints:
         raise PluginError(f"{_name(surface)}: it returns {type(points).__name__}, not SurfacePoints")
     if points.unknown:
         row = min(points.unknown)
-        axes = ", ".join(f"{axis} {1e3 * value:.1f}" for axis, value in zip("xyz", places[row]))
+        axes = ", ".join(f"{axis} {_MM * value:.1f}" for axis, value in zip("xyz", places[row]))
         raise ConfigurationError(f"place {row + 1} of {len(places)} ({axes} mm): {points.unknown[row]}")
     _check_columns(surface, points, len(places))
     return points

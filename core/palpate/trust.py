@@ -61,6 +61,9 @@ class _Consent:
     announced: set[tuple[Path, str]] = field(default_factory=set)
 
 
+# Modes of files (POSIX).
+_OWNER_FOLDER, _OWNER_FILE, _WRITABLE_BY_OTHERS = 0o700, 0o600, 0o022
+
 _PROCESS = _Consent()
 _consent: ContextVar[_Consent] = ContextVar("_consent", default=_PROCESS)
 
@@ -68,8 +71,9 @@ _consent: ContextVar[_Consent] = ContextVar("_consent", default=_PROCESS)
 @contextmanager
 def at_the_command_line(arguments: Sequence[str] = ()) -> Iterator[None]:
     """Within the context a person is at work, who can be asked, and who has said what stands in `arguments`."""
-    words = frozenset(part for word in arguments for part in (word, word.partition("=")[2]) if part)
-    with _deciding(_Consent(words, frozenset(place for word in words for place in _places(Path(word))))):
+    # Whole arguments, and the values of options; with their places, since a file may be named by any of these.
+    parts = frozenset(part for argument in arguments for part in (argument, argument.partition("=")[2]) if part)
+    with _deciding(_Consent(parts, frozenset(place for part in parts for place in _places(Path(part))))):
         yield
 
 
@@ -114,6 +118,7 @@ def plugin_files_at_hand() -> tuple[PluginFile, ...]:
 
 
 def _paths_at_hand() -> list[Path]:
+    """Return the plugin files that the environment names."""
     return [Path(text) for text in os.environ.get(NAMED, "").split(os.pathsep) if text]
 
 
@@ -260,10 +265,10 @@ def _record(file: PluginFile) -> None:
     """Append a line to the record, which commands that run at the same time share; raises OutputError."""
     place = _record_file()
     try:
-        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        place.parent.mkdir(mode=_OWNER_FOLDER, parents=True, exist_ok=True)
         if place.exists() and not _is_private(place.stat()):
             place.unlink()
-        handle = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        handle = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, _OWNER_FILE)
         try:
             os.write(handle, f"{file.digest}  {printable(str(file.path.absolute()))}\n".encode())
         finally:
@@ -273,10 +278,12 @@ def _record(file: PluginFile) -> None:
 
 
 def _is_private(status: os.stat_result) -> bool:
-    return status.st_uid == os.getuid() and not status.st_mode & 0o022
+    """Return True if the record belongs to this user, and no other one can change it."""
+    return status.st_uid == os.getuid() and not status.st_mode & _WRITABLE_BY_OTHERS
 
 
 def _record_file() -> Path:
+    """Return the record's file, by the XDG base directory specification."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "palpate" / "trusted-plugins"
 

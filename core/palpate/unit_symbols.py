@@ -16,6 +16,7 @@ _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 _TOKEN = re.compile(rf"({_NAME})(?:\s*(?:\*\*|\^)\s*([+-]?\d(?:\.5)?))?|([/()])")
 _SQUARE_ROOT = re.compile(r"sqrt\((\w+)\)")
 
+# Prefixes and their powers of ten (BIPM).
 _SYMBOLS = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 _WORDS = {"pico": -12, "nano": -9, "micro": -6, "milli": -3, "centi": -2, "kilo": 3, "mega": 6, "giga": 9}
 _PI = math.pi.as_integer_ratio()  # a double is a ratio of whole numbers
@@ -42,7 +43,7 @@ class _Base(NamedTuple):
 
 def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
     """Return units by the symbols and the words that take prefixes, and by the names that take none."""
-    symbols, words, others = dict[str, _Base](), dict[str, _Base](), dict[str, _Base]()
+    symbols, spelled_out, fixed = dict[str, _Base](), dict[str, _Base](), dict[str, _Base]()
     # Those of SI, with prefixes.
     force, pressure = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
     for symbol, spelled, dimensions in (
@@ -62,10 +63,12 @@ def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
     ):
         base = _Base(1, 1000 if symbol == "g" else 1, dimensions)
         symbols[symbol] = base
-        words |= {word: base for name in spelled for word in (name, f"{name}s")}
+        spelled_out |= {name: base for singular in spelled for name in (singular, f"{singular}s")}
+    # 1e5 Pa, and the poise of the CGS system, 0.1 Pa s.
     symbols["bar"] = _Base(100_000, 1, pressure)
-    symbols["P"] = words["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
-    # Standard gravity [1e-5 m/s^2] and the avoirdupois pound [1e-8 kg], both exact by definition.
+    symbols["P"] = spelled_out["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
+    # Standard gravity [1e-5 m/s^2] and the avoirdupois pound [1e-8 kg], both exact by definition, as is the inch of
+    # 25.4 mm.
     gravity, pound = 980_665, 45_359_237
     for names, over, under, dimensions in (
         (("min", "minute", "minutes"), 60, 1, {"s": 1}),
@@ -84,8 +87,8 @@ def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
         (("psi",), pound * gravity * 10_000**2, 10**13 * 254**2, pressure),
         (("%", "percent"), 1, 100, {}),
     ):
-        others |= dict.fromkeys(names, _Base(over, under, dimensions))
-    return symbols, words, others
+        fixed |= dict.fromkeys(names, _Base(over, under, dimensions))
+    return symbols, spelled_out, fixed
 
 
 _BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX = _table()

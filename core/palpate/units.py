@@ -53,10 +53,12 @@ _QUANTITIES = {
 
 
 def _quantity(unit: str) -> _Quantity:
+    """Return the quantity of an SI unit; of one that is not listed, named after the unit."""
     return _QUANTITIES.get(unit) or _Quantity(f"quantity in {unit}", f"1 {unit}")
 
 
 def _si(unit: str) -> Unit:
+    """Return an SI unit; "1" is that of a pure number."""
     return Unit(1.0, {}) if unit == "1" else read_unit(unit)
 
 
@@ -123,33 +125,34 @@ def to_si(value: object, unit: str) -> float:
 
 
 def _brief(value: object) -> str:
+    """Return a value as a message shows it, cut to `_MAX_SHOWN`."""
     text = repr(value)
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
 def _parse(text: str, unit: str) -> float:
     """Return the number of a text in an SI unit; raises ValueError with the form that is expected."""
-    wanted = f'write for example "{example(unit)}"'
+    form = f'write for example "{example(unit)}"'
     if len(text) > _MAX_LENGTH:
-        raise ValueError(f"{_brief(text)} is too long for {_with_article(dimension(unit))}; {wanted}")
+        raise ValueError(f"{_brief(text)} is too long for {_with_article(dimension(unit))}; {form}")
     match = _QUANTITY.fullmatch(text)
     if not match:
-        raise ValueError(f"{text!r} is not {_with_article(dimension(unit))}; {wanted}")
+        raise ValueError(f"{text!r} is not {_with_article(dimension(unit))}; {form}")
     number, written = float(match[1]), (match[2] or "").strip()
     if not written and unit == "1":
         return number
     if not written:
-        raise ValueError(f"{text!r} has no unit; {wanted}, or a plain number for {unit}")
+        raise ValueError(f"{text!r} has no unit; {form}, or a plain number for {unit}")
     if not is_one_unit(written):
-        raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
+        raise ValueError(f"{text!r}: {written!r} is not one unit; {form}")
     try:
         stated = read_unit(written)
     except UnknownUnitError as error:
-        raise ValueError(f"{text!r}: unknown unit {written!r}{_meant(written, unit)}; {wanted}") from error
+        raise ValueError(f"{text!r}: unknown unit {written!r}{_meant(written, unit)}; {form}") from error
     si = _si(unit)
     if stated.dimensions != si.dimensions:
         expected = _with_article(dimension(unit))
-        raise ValueError(f"{text!r} is {_dimension_of(stated, written)}, not {expected}; {wanted}")
+        raise ValueError(f"{text!r} is {_dimension_of(stated, written)}, not {expected}; {form}")
     return number * (stated.factor / si.factor)
 
 

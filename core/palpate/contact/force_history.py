@@ -17,6 +17,8 @@ _MAX_STEPS = 64  # a choice: more are too slow, and the samples too far apart
 _STEP_TIMES_RATE = 0.25  # a choice: Runge-Kutta's local error is then some 1e-5 of a state's change in the step
 _BLOCK = 64  # a choice: intervals in one call
 _RATE_CHECKS = 50  # a choice: samples at which the fastest rate is looked for
+_INTERVAL_COLUMNS = 5  # length, depth and rate at the beginning, depth and rate at the end
+_MS = 1e3  # per second
 # By identity: a third-party model need not be hashable.
 _FUNCTIONS: dict[int, tuple[weakref.ref[Any], dict[tuple[int, int], Any]]] = {}
 
@@ -60,6 +62,7 @@ def memory_over_time(
     states = np.zeros((len(time), count))
     if not len(time):
         return states
+    # Parameters of each instant, and steps for the fastest of the states.
     states[0] = 0.0 if memory is None else memory
     rows = np.broadcast_to(np.asarray(theta, float), (len(time), len(model.parameters)))
     steps = _step_count(model, time, depth, rate, rows)
@@ -78,7 +81,7 @@ def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, 
     """Fill in the states (m + 1, k) after intervals (m, 5) with parameters (m, p), in blocks; the first is there."""
     # The function reads and writes these arrays: a call through its buffer costs a twentieth of an ordinary one.
     state, values = np.empty(states.shape[1]), np.empty((block, theta.shape[1]))
-    block_intervals, block_states = np.empty((block, 5)), np.empty((block, states.shape[1]))
+    block_intervals, block_states = np.empty((block, _INTERVAL_COLUMNS)), np.empty((block, states.shape[1]))
     buffer, evaluate = function.buffer()
     for i, array in enumerate((state, block_intervals, values)):
         buffer.set_arg(i, memoryview(array.data))
@@ -95,6 +98,7 @@ def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, 
     """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s]."""
     import casadi
 
+    # The rate at which states forget, along the motion and from rest.
     rows = np.linspace(0, len(depth) - 1, min(len(depth), _RATE_CHECKS)).astype(int)
     motion = casadi.DM(np.array([depth[rows], rate[rows]]))
     at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(theta[rows].T)
@@ -106,14 +110,14 @@ def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, 
     steps = max(_MIN_STEPS, math.ceil(fastest * longest / _STEP_TIMES_RATE))
     if steps > _MAX_STEPS:
         raise ValueError(
-            f"{type(model).__name__} forgets within {1e3 / fastest:.3g} ms: too fast for samples every "
-            f"{1e3 * longest:.3g} ms"
+            f"{type(model).__name__} forgets within {_MS / fastest:.3g} ms: too fast for samples every "
+            f"{_MS * longest:.3g} ms"
         )
     return steps
 
 
 def _function(model: ContactModel, steps: int, block: int = 1) -> Any:
-    """Return function of a block of intervals of so many steps, or of the forgetting (0), built once for a model."""
+    """Return the function of a block of intervals of so many steps, or of forgetting (0), built once for a model."""
     key = id(model)
     entry = _FUNCTIONS.get(key)
     # An identity may be that of another model, once the first is gone.
@@ -149,26 +153,27 @@ def _interval_function(model: ContactModel, steps: int) -> Any:
     import casadi
 
     state, theta = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("p", len(model.parameters))
-    interval = casadi.SX.sym("e", 5)
-    length, *ends = casadi.vertsplit(interval)  # depth and rate before, depth and rate after
+    interval = casadi.SX.sym("e", _INTERVAL_COLUMNS)
+    length, *ends = casadi.vertsplit(interval)  # depth and rate at the beginning, then at the end
 
-    def change(fraction: float, at: Any) -> Any:
+    def rate_of_change(fraction: float, x: Any) -> Any:
+        """Return the states' rate f(t, x) at a fraction of the interval."""
         depth, rate = _cubic(fraction, length, *ends)
-        return casadi.vertcat(*model.memory_rate(depth, rate, casadi.vertsplit(theta), casadi.vertsplit(at)))
+        return casadi.vertcat(*model.memory_rate(depth, rate, casadi.vertsplit(theta), casadi.vertsplit(x)))
 
-    step, after = length / steps, state
+    h, x = length / steps, state
     for i in range(steps):
         begin, middle, end = i / steps, (i + 0.5) / steps, (i + 1) / steps
-        k1 = change(begin, after)
-        k2 = change(middle, after + step / 2 * k1)
-        k3 = change(middle, after + step / 2 * k2)
-        k4 = change(end, after + step * k3)
-        after = after + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return casadi.Function("interval", [state, interval, theta], [after], {"cse": True})
+        k1 = rate_of_change(begin, x)
+        k2 = rate_of_change(middle, x + h / 2 * k1)
+        k3 = rate_of_change(middle, x + h / 2 * k2)
+        k4 = rate_of_change(end, x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return casadi.Function("interval", [state, interval, theta], [x], {"cse": True})
 
 
 def _cubic(fraction: float, length: Any, depth0: Any, rate0: Any, depth1: Any, rate1: Any) -> tuple[Any, Any]:
-    """Return depth and rate at a fraction of an interval: Hermite's cubic through both ends."""
+    """Return depth and rate at a fraction of an interval: Hermite's cubic through both ends, and its derivative."""
     s = fraction
     depth = (
         (1 + 2 * s) * (1 - s) ** 2 * depth0

@@ -24,8 +24,11 @@ class LoadingCycle(Protocol):
 def loading_cycle_force(
     model: ContactModel, time: Floats, depth: Floats, theta: Sequence[float], reversal: float = 1e-6
 ) -> Floats:
-    """Return force (n,) [N] of a model over one loading and one unloading; raises ValueError where it is not known."""
+    """Return force (n,) [N] of a model over one loading and one unloading; raises ValueError where it is not known.
+
+    Steps back of up to `reversal` [m] are noise: 1 um by default, a choice.
+    """
     if not isinstance(model, LoadingCycle):
-        kind = type(model).__name__
-        raise ValueError(f"Ting's unloading needs a linear material with a relaxation modulus, not {kind}")
+        name = type(model).__name__
+        raise ValueError(f"Ting's unloading needs a linear material with a relaxation modulus, not {name}")
     return model.loading_cycle_force(time, depth, theta, reversal)

@@ -13,6 +13,7 @@ from palpate.errors import ConfigurationError
 from palpate.vectors import Floats
 
 _BLOCK = 1024  # samples, a choice: a longer map takes longer to build than to run
+_KEPT_FUNCTIONS = 32  # a choice: of the models of one run, each with two lengths
 
 
 def force_slopes(
@@ -46,7 +47,7 @@ def force_slopes(
     return force, slopes[:, : len(theta)], slopes[:, -2], slopes[:, -1]
 
 
-@lru_cache(32)
+@lru_cache(_KEPT_FUNCTIONS)
 def _slopes_function(model: ContactModel, parameters: int, count: int) -> Any:
     """Return a CasADi function of so many samples: the force of a model and its derivatives."""
     import casadi

@@ -19,7 +19,8 @@ FORMER_FLAGS = {
     "not-distinguishable-from-delay": "delay",
 }
 _MAX_SHIFT = 0.5  # of a value, or of its interval of two standard uncertainties, a choice: a larger one needs the fact
-_MAX_PERCENT = 10.0  # a choice: a share beyond it, 1000 %, is shown as "more than tenfold"
+_MAX_SHARE = 10.0  # a choice: a share beyond it, 1000 %, is shown as "more than tenfold"
+_PERCENT = 100
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,9 @@ class Condition:
         text = str(table["message"])
         if alternative:  # what follows it is worked out from the values
             text = text.partition(f": {alternative} makes ")[0]
-        shifts = {name: math.inf if shift is None else shift for name, shift in table.get("shifts", {}).items()}
+        shifts = dict[str, float]()
+        for name, shift in table.get("shifts", {}).items():
+            shifts[name] = math.inf if shift is None else shift
         return cls(table["fact"], text, table.get("remedy", ""), alternative, shifts, table.get("code", ""))
 
     def matters(self, values: Mapping[str, UncertainValue]) -> bool:
@@ -95,17 +98,17 @@ def _changes(shares: Mapping[str, float]) -> str:
     >>> _changes({"elasticity": 0.06, "viscosity": 0.091}), _changes({"elasticity": -0.06, "viscosity": 0.091})
     ('elasticity 6 %, viscosity 9.1 % higher', 'elasticity 6 % lower, viscosity 9.1 % higher')
     """
-    words, names = [], list(shares)
+    phrases, names = [], list(shares)
     for name, following in zip(names, [*names[1:], None], strict=True):
         is_last = following is None or (shares[following] > 0) != (shares[name] > 0)
         direction = f" {'higher' if shares[name] > 0 else 'lower'}" if is_last else ""
-        words.append(f"{name} {_percent(shares[name])}{direction}")
-    return ", ".join(words)
+        phrases.append(f"{name} {_percent(shares[name])}{direction}")
+    return ", ".join(phrases)
 
 
 def _percent(share: float) -> str:
     """Return a share in per cent, to two digits."""
-    return f"{float(f'{100 * abs(share):.2g}'):g} %" if abs(share) < _MAX_PERCENT else "more than tenfold"
+    return f"{float(f'{_PERCENT * abs(share):.2g}'):g} %" if abs(share) < _MAX_SHARE else "more than tenfold"
 
 
 def needs(conditions: Iterable[Condition], name: str, value: UncertainValue) -> str:

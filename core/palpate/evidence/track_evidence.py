@@ -78,10 +78,9 @@ class Term:
 
     def row(self, values: Mapping[str, float]) -> BudgetRow:
         """Return its row in the budget of these values (k,), by name."""
-        effects = {
-            name: Effect.of(value, abs(shift), shift / self.std if self.std else None)
-            for (name, value), shift in zip(values.items(), self.shifts.tolist(), strict=True)
-        }
+        effects = dict[str, Effect]()
+        for (name, value), shift in zip(values.items(), self.shifts.tolist(), strict=True):
+            effects[name] = Effect.of(value, abs(shift), shift / self.std if self.std else None)
         return BudgetRow(self.cause if self.declared else f"{self.cause} (not declared)", self.std, self.unit, effects)
 
 

@@ -14,6 +14,9 @@ _LONG = 20.0  # lengths of the tail, a choice: after so long a filter's gain in 
 _SLOPE_SAMPLES = 5  # a choice: velocity is differenced over so many samples to either side
 _MIN_SAMPLES = 10  # a choice: a shorter tail has no slope
 _MIN_PARTS = 3  # of the tail: fewer have no scatter of steps
+# Laws of a random walk with variance q per second (see `Tail.slope_of_a_walk`).
+_SLOPE_VARIANCE = 1.2  # of a least-squares slope over q/T, in a stretch of length T
+_RATE_BY_STEPS = 1.5  # q over the variance of steps/h, between means of parts of length h
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ class Tail:
         steps = steps - steps.mean(axis=0)  # their common part is the slope in question
         square = (steps**2).sum(axis=0) / (len(steps) - 1)
         # 1.2 q/T with T the span, q = 3/2 square/h and h = T/parts.
-        return np.asarray(np.sqrt(1.2 * 1.5 * square * len(means)) / span)
+        return np.asarray(np.sqrt(_SLOPE_VARIANCE * _RATE_BY_STEPS * square * len(means)) / span)
 
     def force_rms(self, tip_mass: float) -> float:
         """Return the RMS [N] of measured force less inertia of the tip less the model's force; NaN where unknown."""

@@ -100,12 +100,14 @@ class UncertainValue:
         """
         if share <= 0 and not unknown and bias is None and left is None:
             return self
+        # Terms that the corrected value has in place of the others; a bias leaves its own uncertainty.
         corrected_terms = dict(self.left)
         if left is not None:
             corrected_terms[cause] = left
         if bias is not None:
             corrected_terms = {cause: math.hypot(share, bias.std or 0.0)}
             share = math.hypot(share, bias.shift)
+        # The budget with this cause, and its root sum of squares.
         budget = dict(self.budget)
         if share > 0:
             budget[cause] = share
