@@ -79,7 +79,7 @@ class Flag:
         if self.effects is not None:
             effects = dict[str, float | None]()
             for name, size in self.effects.items():
-                effects[name] = size if math.isfinite(size) else None  # no bound is null
+                effects[name] = size if math.isfinite(size) else None  # null in JSON
             table["effects"] = effects
         if self.suspects:
             table["suspects"] = [*self.suspects]
@@ -96,7 +96,7 @@ class Flag:
         if table.get("effects") is not None:
             effects = dict[str, float]()
             for name, size in table["effects"].items():
-                effects[name] = math.inf if size is None else size  # null is no bound
+                effects[name] = math.inf if size is None else size  # null stands for infinity
         evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
         remedy = table.get("remedy", "")
         suspects, moves = tuple(table.get("suspects", ())), tuple(table.get("moves", ()))
