@@ -36,10 +36,9 @@ class CommandedArm:
 
     def __init__(self, driver: ArmDriver, rows: ArmRows, work: WorkFrame, observe: bool) -> None:
         self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
-        self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]
-        self._orientation: tuple[Floats, list[float]] | None = (
-            None  # turn of the latest command, and its rotation vector
-        )
+        self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]  # from the work frame to the base
+        # Turn of the latest command, and the tool's rotation vector in the base then.
+        self._orientation: tuple[Floats, list[float]] | None = None
         self.driver_time = DriverTime()
         self.state_period = PERIOD  # [s] from one state to the next
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
@@ -49,6 +48,7 @@ class CommandedArm:
             raise ArmFaultError(
                 f"its class has {rows.joints} `joint_names`, and its `arm_model` {len(driver.model.joints)} joints"
             )
+        # Take the arm over, wait for its states, and see that it is the one that is meant.
         driver.connect(observe)
         self.reading = self._first_reading(0.0 if observe else driver.settle)
         driver.identify(self.reading)

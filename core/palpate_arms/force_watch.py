@@ -30,8 +30,8 @@ class ForceEye:
         self._torques = [facts["first"] + channel for channel in facts.get("torques", ())]
         # Limits of all axes, and checks of the sensor by the standstill.
         self._torque = np.array(facts.get("torque_tare", ())), facts.get("torque", np.inf)
-        usual = facts.get("repeats")
-        self._repeats = None if usual is None else RepeatCount(Repeats(**usual), facts["first"])
+        repeats = facts.get("repeats")
+        self._repeats = None if repeats is None else RepeatCount(Repeats(**repeats), facts["first"])
         self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
         sound = facts.get("sound")
         self._rise = None if sound is None else RiseWatch(SoundForce(**sound))
@@ -39,6 +39,7 @@ class ForceEye:
         if self._rise is not None:
             zero_time = clock().now() - self._rise.sound.zero_age
             self._touch = TouchWatch(self._rise.sound, self._rise.contact, zero_time)
+        # Ages of the readings, and times [ns] of the first look and of the latest reading, with their number.
         self._tick = facts.get("tick", 0)  # [ns]
         self._clock = facts.get("arrival", 0), facts.get("stamp", 1)  # columns
         self._age, self._oldest = ReadingAge(), facts.get("age", np.inf)

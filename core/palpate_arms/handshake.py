@@ -94,7 +94,7 @@ class Handshake:
         """Return what takes a state off the way that was commanded so far, at once; None where it is on it."""
         # The tool keeps its orientation.
         step = self._path.steps[self._next]
-        moved, commanded = state.position - self._start, self._commands[-1] - self._path.rows[0]
+        displacement, commanded = state.position - self._start, self._commands[-1] - self._path.rows[0]
         turn = length(rotation_vector(state.rotation @ self._rotation.T))
         if turn > (SOFT_TURN if self._stated.gives_way else HOLD_TURN):
             return (
@@ -102,13 +102,13 @@ class Handshake:
                 "the rotation vector taken for angles, or for that of the flange?)"
             )
         # The tip is near the way, and not faster than the command, as its pose shows as well.
-        distance = length(moved - _nearest(moved, commanded, self._path.axes(step)))
+        distance = length(displacement - _nearest(displacement, commanded, self._path.axes(step)))
         give = self._stated.give if self._stated.gives_way else 0.0
         max_distance = max(STATIC_ERROR, give) + self._stated.deadband
         is_fast = length(state.velocity) > self._fastest and distance > _MIN_SHOWN_WAY
         if distance <= max_distance and not is_fast:
             return None
-        return _disobedience(step, commanded, moved, length(state.velocity))
+        return _disobedience(step, commanded, displacement, length(state.velocity))
 
     @property
     def _fastest(self) -> float:
@@ -128,23 +128,27 @@ class Handshake:
         if self._rest is None:
             self._rest = mean, float(np.linalg.norm(places.std(axis=0)))
         # The way from the mean place at rest, against the command.
-        moved = mean - self._rest[0]
+        displacement = mean - self._rest[0]
         commanded, uncertainty = float(np.linalg.norm(step.way)), self._rest[1] / math.sqrt(len(places))
         tolerance = PLAY + SHARE * commanded + _SIGNIFICANT * uncertainty
         is_stay = not step.axis.any()  # each of its states was looked at
-        answer = length(mean - self._start) if is_stay else float(moved @ step.way) / commanded
+        answer = length(mean - self._start) if is_stay else float(displacement @ step.way) / commanded
         self.answers.append({"commanded": commanded, "answered": answer})
-        return None if is_stay or self._is_answered(step, moved, tolerance) else _disobedience(step, step.way, moved)
+        return (
+            None
+            if is_stay or self._is_answered(step, displacement, tolerance)
+            else _disobedience(step, step.way, displacement)
+        )
 
-    def _is_answered(self, step: HandshakeStep, moved: Floats, tolerance: float) -> bool:
+    def _is_answered(self, step: HandshakeStep, displacement: Floats, tolerance: float) -> bool:
         """Return True if a way (3,) [m] is the one that was commanded, in direction, axis and size, within the lag.
 
         Friction may hold an arm on a spring back: it goes in the direction, if at all, and no further.
         """
         behind = length(self._commands[-1] - self._lagged) + self._stated.deadband
-        side = moved
+        side = displacement
         for axis in self._path.axes(step):
-            along, commanded = float(moved @ axis), float(step.way @ axis)  # axes point the way of their steps
+            along, commanded = float(displacement @ axis), float(step.way @ axis)  # axes point the way of their steps
             side = side - along * axis
             lowest, highest = commanded - behind, commanded
             if self._stated.gives_way:
@@ -169,16 +173,16 @@ class Handshake:
         return f"the pose that the arm reports is its command, in every digit{delay_text}: what was measured is needed"
 
 
-def _disobedience(step: HandshakeStep, commanded: Floats, moved: Floats, speed: float = 0.0) -> str:
+def _disobedience(step: HandshakeStep, commanded: Floats, displacement: Floats, speed: float = 0.0) -> str:
     """Return what the arm did, (3,) [m] at a speed [m/s], in place of what a step commanded; and the likely mistake."""
-    way = length(moved)
+    way = length(displacement)
     speed_text = f", at {_MM * speed:.0f} mm/s" if speed > HOLD_SPEED else ""
     if not step.axis.any():
         return (
             f"the arm moved by {_MM * way:.2f} mm{speed_text}, when it was commanded to stay where it is (are its "
             "commands of the flange, or in another frame than its poses?)"
         )
-    along, commanded_along = float(moved @ step.axis), float(commanded @ step.axis)
+    along, commanded_along = float(displacement @ step.axis), float(commanded @ step.axis)
     order = f"the arm was commanded to move by {_MM * commanded_along:.2f} mm {step.direction} and has moved by"
     # Not at all, backwards, across, or too far.
     if way < _NO_ANSWER_SHARE * commanded_along and along > -PLAY:
@@ -188,8 +192,8 @@ def _disobedience(step: HandshakeStep, commanded: Floats, moved: Floats, speed: 
         )
     if along < 0.0:
         return f"{order} {-_MM * along:.2f} mm the other way{speed_text} (is the sign of an axis reversed?)"
-    if length(moved - along * step.axis) > SHARE * along:
-        place = ", ".join(f"{_MM * x:.2f}" for x in moved)
+    if length(displacement - along * step.axis) > SHARE * along:
+        place = ", ".join(f"{_MM * x:.2f}" for x in displacement)
         return f"{order} ({place}) mm in the work frame{speed_text} (are the axes of its commands those of its poses?)"
     return f"{order} {_MM * along:.2f} mm{speed_text} (are its commands in other units than its poses?)"
 

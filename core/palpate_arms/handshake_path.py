@@ -101,6 +101,7 @@ def _stepped_path(
     place: Floats, stay: int, legs: Sequence[tuple[Floats, str]], law: ServoLaw, stated: StatedArm
 ) -> HandshakePath:
     """Return the path that stays for some rows, then goes to each leg's end (3,) [m] from the place, and waits."""
+    # First it stays; then each leg, and the time to answer it. `begin` is the end of the leg before, from the place.
     wait = round(stated.wait / PERIOD)
     rows = [np.tile(place, (stay, 1))]
     steps = [HandshakeStep(stay, stay, np.zeros(3), np.zeros(3), "nowhere")]

@@ -17,6 +17,7 @@ PERIOD = 0.002  # [s], that of a UR's controller: 500 commands a second
 # Choices.
 _PIECE = 2048  # rows that are checked at a time, in a tenth of a period
 _BLOCK = 512  # rows that are read at a time, a second of the motion
+_ROUNDING = 1e-9  # periods: rounding of a whole number of them
 _AHEAD = 32  # blocks; so early the system is asked for one
 _COMMON = 2  # rows of two pieces: accelerations are of three rows
 _ROW_BYTES = 8 * PLAN.size  # float64
@@ -101,7 +102,8 @@ def write_setpoints(trajectory: Trajectory, axes: Floats | None = None) -> Itera
     of the work frame in the frame of a tool that is not turned.
     On the disk, which may be full, not in memory: of a motion of hours the system may put aside what comes later.
     """
-    count, surface = int(np.floor(duration_of(trajectory) / PERIOD + 1e-9)) + 1, surface_of(trajectory)
+    # A row for each whole period, piece by piece, so that little is held in memory.
+    count, surface = int(np.floor(duration_of(trajectory) / PERIOD + _ROUNDING)) + 1, surface_of(trajectory)
     with tempfile.TemporaryFile(prefix="palpate-") as file:
         for first in range(0, count, _PIECE):
             times = np.asarray(np.arange(first, min(first + _PIECE, count)) * PERIOD, np.float64)

@@ -87,13 +87,13 @@ class Echo:
         """
         if not self._commands:
             return 0.0
-        answered, *pending = self._commands
+        answered_command, *pending = self._commands
         latest = self._commands[-1]
         # One that should have come back has not: nothing since the answered one counts as taken.
         if any(command.sent <= now - self._shortest_answer + _SAME_INSTANT for command in pending):
-            return math.dist(latest.place.tolist(), answered.place.tolist())
+            return math.dist(latest.place.tolist(), answered_command.place.tolist())
         # Else the last one that was sent before the newest state.
-        latest_taken = answered
+        latest_taken = answered_command
         for command in pending:
             if command.sent < now - _SAME_INSTANT:
                 latest_taken = command

@@ -47,9 +47,9 @@ def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
         box = f" (limits {_MM * limits.low[axis]:g} to {_MM * limits.high[axis]:g})" if limits else ""
         yield f"{name}             {_MM * low:.4g} to {_MM * high:.4g} mm{box}"
     for name, force in facts["forces"].items():
-        first = pipeline.models[name].parameters[0].name
+        parameter = pipeline.models[name].parameters[0].name
         if force is None:
-            yield f"force         unknown: give --expect {first}=VALUE and the rest of {name}"
+            yield f"force         unknown: give --expect {parameter}=VALUE and the rest of {name}"
         else:
             yield f"force         up to {force:.3g} N, by model {name} on a level surface at z = 0"
     for name, limit in facts["force_limits"].items():
