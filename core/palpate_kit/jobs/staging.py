@@ -145,11 +145,11 @@ def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
     """Return an outcome with its run folder brought here; raises OutputError where that cannot be."""
     if not isinstance(outcome, RunAnswer) or not outcome.result.run:
         return outcome
-    if (found := cached_result(job)) is None:
+    if (result := cached_result(job)) is None:
         folder = unused_folder(job.folder)
         stage.get_run(job.folder.name, folder)
-        found = replace(outcome.result, folder=folder)
-    return replace(outcome, result=found)
+        result = replace(outcome.result, folder=folder)
+    return replace(outcome, result=result)
 
 
 def input_files(pipeline: Pipeline) -> Iterator[Path]:
