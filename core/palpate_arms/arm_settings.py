@@ -189,9 +189,11 @@ class ArmSettings(Device):
     def own_motion(self) -> OwnMotion:
         """It goes to the start, brakes, and continues for a while where the job does not.
 
-        An arm on a spring continues for its lag after its commands have stopped as well.
+        An arm on a spring continues for its lag, and what no setting shows of it, after its commands have stopped.
         """
-        blind = self.host_timeout + (0.0 if self.controller_stiffness is None else self.command_lag)
+        from palpate_arms.arm_lag import DELAY
+
+        blind = self.host_timeout + (0.0 if self.controller_stiffness is None else self.command_lag + DELAY)
         own = self.approach_speed, self.start_tolerance, self.acceleration, blind
         stop = (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None
         followed_speed = self.tracking / max(self.command_lag, 1e-9)

@@ -147,6 +147,8 @@ class AcceptanceProtocol:
                 self.identity = self.identity or observer.health
             trace = observer.trace(origin)
             if not visit.step.stops:
+                if stop := job.run.live_facts.get("stop"):
+                    raise MissedError(stop["reason"])
                 found = measure_force_delay(trace, *self._tared(job, origin))
                 return Outcome(visit, allowed, None, self._told(job) or "it came to its end", found, self._answers(job))
             event = self._event_of(visit, observer, job, origin) if event is None else event
@@ -261,7 +263,10 @@ class AcceptanceProtocol:
             return observer.mode_change(origin, visit.step.mode)
         if visit.step.name != "force":
             return float(self._readings(job, origin)[0][-1])
-        return first_beyond(*self._tared(job, origin), self._stop_force)
+        try:
+            return first_beyond(*self._tared(job, origin), self._stop_force)
+        except MissedError as error:
+            raise MissedError(f"{error}: {self._told(job)}") from error
 
     @staticmethod
     def _readings(job: StrokesJob, origin: int) -> tuple[Floats, Floats]:
