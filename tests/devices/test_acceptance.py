@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from palpate_commands.acceptance.measurement import (
 from palpate_commands.acceptance.observer import RunRecord
 from palpate_commands.acceptance.outcome import Allowed, Outcome
 from palpate_commands.acceptance.page import Acceptance
+from palpate_commands.acceptance.protocol import AcceptanceProtocol
 from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import all_visits
-from palpate_commands.acceptance.strokes_run import StrokesRun, row_type
+from palpate_commands.acceptance.strokes_run import FORCE, StrokesRun, row_type
 from palpate_commands.acceptance.watched_arm import WatchedArm
 from palpate_devices.ur.device import UR
 from palpate_engine import load_pipeline
@@ -326,3 +328,17 @@ def test_a_stop_that_a_simulator_lacks_stays_open_on_its_page():
     assert "- not done" not in text
     assert "signature: ___" in text
     assert (page.table()["simulator"], page.table()["whole"]) == ("bench", False)
+
+
+def test_a_force_that_was_not_reached_is_reported_with_what_stopped_the_run(tmp_path):
+    run = StrokesRun(tmp_path, None, None)
+    rows = np.zeros(3, row_type(1))
+    rows["values"][:, 0] = 0.2
+    run.record(FORCE).write_bytes(rows.tobytes())
+    (tmp_path / "run").mkdir()
+    live = {"standstill": {"force": 0.1}, "stop": {"reason": "the sensor is disconnected"}}
+    (tmp_path / "run" / "result.json").write_text(json.dumps({"run": {"live": live}}))
+    protocol = AcceptanceProtocol(load_pipeline(PIPELINE), tmp_path, None, None, stop_force=3.0)
+    (visit,) = (visit for visit in all_visits() if visit.name == "foam/force")
+    with pytest.raises(MissedError, match=r"the force reached 0\.10 N of 3\.00 N: the sensor is disconnected"):
+        protocol._event_of(visit, None, SimpleNamespace(run=run), 0)

@@ -50,7 +50,9 @@ def test_the_tool_looks_down_in_the_posture_that_is_stated(model):
 def test_an_example_is_a_pipeline_whose_motion_keeps_the_limits(file):
     pipeline = load_pipeline(PIPELINES / file)
     arm, (motion,) = pipeline.devices["arm"], pipeline.trajectories.values()
-    assert not check_own_motion(own_motions(pipeline.devices)["arm"], pipeline.safety)
+    own = own_motions(pipeline.devices)["arm"]
+    assert not check_own_motion(own, pipeline.safety)
+    assert own.blind == pytest.approx(arm.host_timeout + arm.command_lag + 0.045)  # it is on a spring
     assert not check_motion(motion, pipeline.safety).problems
     assert arm.controller_stiffness == 5000.0
     assert arm.command_lag == pytest.approx(2.0 / math.sqrt(5000.0))
