@@ -150,7 +150,7 @@ def _stepper(process: InertialProcess) -> Any:
 
 
 def _transition(process: InertialProcess, interval: Any) -> Any:
-    """A: the process without excess force, which is linear."""
+    """Return A, the process without excess force, which is linear."""
     import casadi as ca
 
     symbols = ca.SX.sym("x", process.states)

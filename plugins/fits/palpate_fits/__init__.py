@@ -64,7 +64,7 @@ def palpate_report_sections() -> dict[str, ReportSection]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What the flags of fits mean."""
+    """Return the meanings of the flags of fits."""
     from palpate_fits.flags import FIT_FLAGS
 
     return FIT_FLAGS

@@ -1,4 +1,4 @@
-"""How a fit answers to what is not exactly known: sensitivities for an uncertainty budget after the GUM."""
+"""Sensitivities of a fit to what is not exactly known, for an uncertainty budget after the GUM."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class FitSensitivity:
 
     @property
     def force(self) -> Floats:
-        """What was read (n,)."""
+        """Return the readings of the force (n,)."""
         return np.asarray(self._record.weight * self._record.force)
 
     def of_parameter(self, place: int, std: float) -> Floats:
@@ -78,7 +78,7 @@ class FitSensitivity:
         return self.shifts(-self.column(place, std) * std)
 
     def column(self, place: int, step: float) -> Floats:
-        """Derivative (n,) of the residual by a parameter that is not free."""
+        """Return the derivative (n,) of the residual by a parameter that is not free."""
         if (place, step) not in self._columns:
             up, down = self._x.copy(), self._x.copy()
             up[place] += step
@@ -88,7 +88,7 @@ class FitSensitivity:
         return self._columns[place, step]
 
     def by_number(self, path: tuple[str, ...], value: float, wide: float = 0.0) -> Floats:
-        """Derivative (n,) by a number among the model's keys; over a `wide` step upwards, if given."""
+        """Return the derivative (n,) by a number among the model's keys; over a `wide` step upwards, if given."""
         model, step = self._residual.model, wide or number_step(value)
         up = self._errors(with_change(model, path, step))
         down = self._errors(model if wide else with_change(model, path, -step))

@@ -71,7 +71,7 @@ class FileGroups:
 
 @dataclass
 class _Suggestions:
-    """How each file is read, by what it holds and what is stated of it."""
+    """Suggestions for the reading of each file, by its contents and the facts that are stated of it."""
 
     facts: FileFacts
     choices: Mapping[str, str]

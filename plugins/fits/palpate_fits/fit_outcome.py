@@ -1,4 +1,4 @@
-"""What a fit came to, before it is judged."""
+"""The outcome of a fit, before it is judged."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ Extra = Literal["bias", "slope", "tip_mass", "delay"]
 
 
 class FitSettings(Estimator):
-    """What is fitted to which samples, from where, and what of it is reported."""
+    """The settings of a fit: its unknowns, samples and start, and what it reports."""
 
     online: ClassVar[bool] = False
     motion: ClassVar[Literal["position", "velocity", "both"]] = "position"

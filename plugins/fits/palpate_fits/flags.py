@@ -1,4 +1,4 @@
-"""What the flags of a fit mean, in addition to those that the core registers."""
+"""Meanings of the flags of a fit, in addition to those that the core registers."""
 
 from __future__ import annotations
 

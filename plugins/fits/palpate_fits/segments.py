@@ -1,4 +1,4 @@
-"""Which samples a fit uses: ``segment = "load, depth 0 mm..2 mm"``."""
+"""The samples that a fit uses: ``segment = "load, depth 0 mm..2 mm"``."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,35 +52,44 @@ def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
         by_record.setdefault(candidate.record, {})[candidate.model] = candidate
     groups = [[fits[name] for name in names if name in fits] for fits in by_record.values()]
 
-    # The evidence of all records: the sum of the distances from the best model of each.
-    total = dict.fromkeys(names, 0.0)
-    for group in groups:
-        for name, behind in _behind(group).items():
-            total[name] += behind
-    best = min((value for value in total.values() if np.isfinite(value)), default=0.0)
-    shares = {name: float(np.exp(-(value - best) / 2)) if np.isfinite(value) else 0.0 for name, value in total.items()}
-    weight_sum = max(sum(shares.values()), _SMALLEST_SUM)
-
+    behind = _total_behind(names, groups)
+    weights = _weights(behind)
     winners = [winner for group in groups for winner in _winners(group)]
     standings = []
     for name in names:
         fits = [candidate for group in groups for candidate in group if candidate.model == name]
         blocks = np.concatenate([candidate.blocks for candidate in fits])
-        misfits = sum(candidate.misfit or candidate.verdict == "invalid" for candidate in fits)
         standings.append(
             ModelStanding(
                 model=name,
-                behind=float(total[name] - best),
-                weight=shares[name] / weight_sum,
+                behind=behind[name],
+                weight=weights[name],
                 held_out=float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan"),
                 best_blocks=winners.count(name),
                 blocks=len(winners),
-                misfits=misfits,
+                misfits=sum(candidate.misfit or candidate.verdict == "invalid" for candidate in fits),
                 records=len(groups),
                 elasticity=_mean_elasticity(fits),
             )
         )
     return sorted(standings, key=lambda standing: standing.behind if np.isfinite(standing.behind) else np.inf)
+
+
+def _total_behind(names: Sequence[str], groups: Sequence[Sequence[Candidate]]) -> dict[str, float]:
+    """Return the distance of each model's evidence from the best one's, summed over all records."""
+    total = dict.fromkeys(names, 0.0)
+    for group in groups:
+        for name, behind in _behind(group).items():
+            total[name] += behind
+    best = min((value for value in total.values() if np.isfinite(value)), default=0.0)
+    return {name: float(value - best) for name, value in total.items()}
+
+
+def _weights(behind: Mapping[str, float]) -> dict[str, float]:
+    """Return the weight exp(-dBIC/2) of each model, of all together; 0 without evidence."""
+    shares = {name: float(np.exp(-value / 2)) if np.isfinite(value) else 0.0 for name, value in behind.items()}
+    total = max(sum(shares.values()), _SMALLEST_SUM)
+    return {name: share / total for name, share in shares.items()}
 
 
 def _behind(group: Sequence[Candidate]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""What the residual of a right model is: noise of force and motion, and what is stated with an uncertainty."""
+"""The residual of a right model: noise of force and motion, and what is stated with an uncertainty."""
 
 from __future__ import annotations
 
