@@ -26,6 +26,7 @@ def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -
     slope where they are free. The last grids are of the whole record: the force jumps where the tip touches, so that
     the solvers cannot pass a sample.
     """
+    # The heights of the surface that are tried: within the record and above it, or the one that is held.
     surface = unknowns.items[unknowns.index("surface")]
     is_held = surface.value is not None
     lowest, span = float(record.height.min()), float(np.ptp(record.height))
@@ -39,6 +40,7 @@ def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -
         solution = scale.solve(final if grids_left < _FINAL_GRIDS else thinned, ratio, height)
         return solution.squares if solution.unknowns[0] > 0 else np.inf
 
+    # The best point, then the modulus, bias and slope by least squares there.
     ratio, height = best_place(squares, _RATIOS, heights, held=is_held)
     solution = scale.solve(final, ratio, height)
     if not (np.isfinite(solution.squares) and solution.unknowns[0] > 0):

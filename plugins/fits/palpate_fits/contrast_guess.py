@@ -64,12 +64,14 @@ def solve_scaled(
     base[list(linear)] = 0.0
     doubled = base.copy()
     doubled[list(moduli)] *= 2.0
+    # The errors at the moduli and at twice these, and the columns of the other linear unknowns.
     with np.errstate(all="ignore"):
         error, error_doubled = (
             record.weight * (reading(model, parameters.tolist(), rows, record.transition) - record.force)
             for parameters in (base, doubled)
         )
         columns = [error_doubled - error, *linear_columns(model, record, base, linear, error, ())]
+    # The scale of the moduli and the linear unknowns of |columns y + 2 e_1 - e_2|^2.
     low, high = unknowns.bounds(linear)
     bounds = np.append(_MIN_MODULUS_SCALE, low), np.append(np.inf, high)
     solution = linear_part(np.column_stack(columns), error_doubled - 2.0 * error, *bounds)

@@ -84,6 +84,7 @@ def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
     groups, facts = _groups(files.parts, facts, asked)
     if facts.stated.is_read:
         report_rig([facts.stated.path])
+    # Notes and errors of reading come before any fit.
     for note in groups.notes:
         typer.echo(note, err=True)
     groups.demand_any()
@@ -97,6 +98,7 @@ def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
             typer.echo(f"{name}: {error}", err=True)
         typer.echo(f"{groups.count} curves to fit: palpate fit {folder.path}")
         return
+    # The rows of these files, as JSON or on the screen.
     fitted = _fitted_files(folder.path, files, groups, named)
     if asked.as_json:
         table = {"table": str(folder.table), "files": fitted.rows}

@@ -64,6 +64,7 @@ def show_rows(
         print_line(f"and {len(rows) - len(shown)} more: --details shows all")
         names = list(value_units(pipeline.tracks[0].model))
         console().print(each_table(summary_of([row for row in rows if row.get("track")], names), pipeline).view())
+    # Each error once, with the number of files that have it.
     alike: dict[str, list[str]] = {}
     for row in rows:
         if row.get("error"):

@@ -53,6 +53,7 @@ def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
     theta: Any = ca.SX.sym("t", len(model.parameters))
     memory = ca.SX.sym("m", len(model.memory))
     force = model.force(depth, rate, ca.vertsplit(theta), ca.vertsplit(memory) if model.memory else ())
+    # A parameter joins those before it if the force is linear in all of them together.
     places: list[int] = []
     for place in range(len(model.parameters)):
         together = ca.vertcat(*(theta[i] for i in [*places, place]))

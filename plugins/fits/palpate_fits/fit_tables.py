@@ -192,6 +192,7 @@ def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> Rendera
             cells.append("" if effect.sensitivity is None else f"{effect.sensitivity:.3g}")
             cells.append("?" if effect.percent is None else f"{effect.percent:.3f}")
         table.add_row(row.source, "" if row.std is None else f"{row.std:.3g} {row.unit}".removesuffix(" 1"), *cells)
+    # The last row: the combined uncertainty of each value.
     combined = []
     for name in names:
         value = track.parameters[name]

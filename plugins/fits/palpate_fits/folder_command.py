@@ -58,6 +58,7 @@ def fit_folder(path: Path, change: FitRequest) -> None:
     if change.pipeline is not None or change.out is not None or change.by is not None:
         raise ConfigurationError(f"{path}: is a folder of fits, which has its pipeline; change it with --set")
     change = _with_rate(change, FitFolder(path))
+    # New files in the folder of the curves come in first, then the settings change.
     added, refused = add_new_files(path) if change.where is None else ([], dict[str, str]())
     if added:
         typer.echo(
@@ -71,6 +72,7 @@ def fit_folder(path: Path, change: FitRequest) -> None:
     if not change.fitting:
         typer.echo(f"{stale_count(folder)} of {len(folder.names)} curves are to be fitted: palpate fit {path}")
         return
+    # The curves without a row by the present settings are fitted.
     if not folder.curves():
         raise ConfigurationError(f"{path / LIST}: has no column {FILE!r}: the files of the curves are not known")
     demand_settings(folder, names)

@@ -20,12 +20,14 @@ def identifiability(square: Floats, names: list[str], free: int) -> dict[str, An
     The first `free` columns are those of the fit; the others are causes that were not fitted, each of which is set
     against every fitted one as if it had been. A pair's correlation is that of the estimates, all free unknowns open.
     """
+    # Columns of length 1, so that unknowns in any unit compare.
     lengths = np.sqrt(square.diagonal())
     without_effect = [name for name, length in zip(names[:free], lengths.tolist(), strict=False) if length == 0]
     lengths[lengths == 0] = 1.0
     scaled = square / (lengths[:, None] * lengths)
     pairs = []
     correlation = correlations(scaled[:free, :free])
+    # Pairs of fitted unknowns, then each fitted one with a cause that was not fitted.
     for i, j in combinations(range(free), 2):
         pairs.append((names[i], names[j], float(correlation[i, j]), True))
     for other in range(free, len(names)):

@@ -130,9 +130,11 @@ def rivals(
     As well is a cost C (half of the sum of squares of n samples, p unknowns) that is higher by at most
     (3^2 s^2 + sum l_i^2)/2, s^2 = 2 C/(n - p) and l the standard uncertainty of the force by the model's law [N].
     """
+    # The rise of the cost within which another minimum describes the record as well.
     freedom = max(len(record) - len(residual.free), 1)
     law_error = _LAW_STD_SHARE * residual.model.law_error * record.weight * record.force
     max_rise = 0.5 * (_PLAUSIBLE_SIGMAS**2 * 2.0 * best.cost / freedom + float(law_error @ law_error))
+    # The farthest of such minima, by parameter.
     parameters = residual.model.parameters
     free_parameters = [place for place in residual.free if place < len(parameters)]
     distances: dict[str, float] = {}

@@ -53,6 +53,7 @@ def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
     prefix = _prefix(folder, place)
     added: list[str] = []
     refused: dict[str, str] = {}
+    # Each file or record that the folder does not list, under its name as seen from there.
     for part in (part for log in logs_among([place], part_registry) for part in specimens_of(log, part_registry)):
         if (str(part.path), part.part) in listed:
             continue

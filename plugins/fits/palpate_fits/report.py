@@ -30,6 +30,7 @@ def estimates_of(fit: FitOutcome) -> Estimates:
     rows: Any = slice(None) if fit.rows.all() else fit.rows
     k = len(fit.problem.model.parameters)
     total = _total_std(evaluated)
+    # Constant over the fitted samples, idle outside them.
     estimates = Estimates.idle(samples, k)
     estimates.values[rows], estimates.std[rows] = x[:k], total[:k]
     estimates.surface[rows], estimates.surface_std[rows] = x[k], total[k]

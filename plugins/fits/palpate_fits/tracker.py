@@ -232,6 +232,7 @@ class FitTracker:
             text = "the record has no approach through air that force_uncertainty could use"
             notes.append(Flag("force-constraint-unused", text))
             return unknowns
+        # A limit below the error of the force in air restricts the surface by noise alone.
         mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
         if limit < abs(mean) + _TIGHT_SIGMAS * std:
             text = (
@@ -249,6 +250,7 @@ class FitTracker:
 
     def _record(self, samples: Samples, rows: Rows, motion: TipTravel, course: RecordCourse) -> FitRecord:
         """Return the columns of the fitted samples; for a model with memory all up to the last, as their history."""
+        # The weights of the samples; those of a memory's past alone are 0.
         weight = rows.astype(float)
         if self._settings.weights == "depth":
             weight[rows] = depth_weights(samples.position[rows])
@@ -256,6 +258,7 @@ class FitTracker:
         keep, has_memory = rows.copy(), bool(self._problem.model.memory)
         if has_memory:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
+        # A missing force of the past is not read, and must be finite.
         has_force = np.isfinite(samples.force)
         force = samples.force if has_force.all() else np.where(has_force, samples.force, 0.0)
         columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)

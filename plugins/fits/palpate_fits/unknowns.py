@@ -70,6 +70,7 @@ def unknowns_of(
     bounds: Mapping[str, tuple[Any, Any]],
 ) -> Unknowns:
     """Return the unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
+    # Units and physical limits of all that can be an unknown.
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
     limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
     limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
@@ -78,6 +79,7 @@ def unknowns_of(
         for name in table:
             if name not in units:
                 _refuse(f"{key}: no unknown {name!r}; there are: {', '.join(units)}")
+    # Each with its bounds, and the value that is fixed or from which the fit starts.
     items = []
     for name, unit in units.items():
         low, high = _limits(name, unit, limits[name], bounds)

@@ -49,6 +49,7 @@ def budget(
         raise ConfigurationError(
             f"{run}: {', '.join(without)} has no budget: the run is of an earlier version; replay it"
         )
+    # With --monte-carlo the draws stand next to the budget.
     draws = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
     if as_json:
         tables: dict[str, Any] = {name: table["budget"] for name, table in chosen.items()}

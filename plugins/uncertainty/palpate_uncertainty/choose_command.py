@@ -175,6 +175,7 @@ def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Sou
     names = list(requested) or list(models)
     if len(names) < 2:
         raise ConfigurationError(f"{path}: has one model ({', '.join(names)}); name others with --models")
+    # One fit for all of them: that of the pipeline, else one with its defaults.
     estimators = tables.setdefault("estimator", {})
     fit = next((name for name, table in estimators.items() if table.get("type") == _FIT), None)
     if fit is None:

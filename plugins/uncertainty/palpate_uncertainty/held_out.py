@@ -27,6 +27,7 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
     if len(used) < _BLOCKS * _MIN_SAMPLES:
         return np.zeros(0)
     edges = [samples.time[used[min(i * len(used) // _BLOCKS, len(used) - 1)]] for i in range(_BLOCKS + 1)]
+    # A fit of values alone, once for each block that is hidden from it.
     changes: dict[str, Any] = {"segment": "active", "profile": False, "bootstrap": 0}
     plain_fit = estimator.model_copy(update=changes)
     errors: list[float] = []

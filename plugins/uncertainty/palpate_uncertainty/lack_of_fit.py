@@ -93,6 +93,7 @@ def _judge(track: TrackEvidence) -> Diagnosed | None:
     contact_rows = judged_rows(track)
     if not make_course(track, contact_rows).used.any():
         return None
+    # The way of the judgement, by motion, estimator and noise.
     is_fit = _is_fit(track)
     has_enough_samples = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
     if moves_along(track) and not is_fit:

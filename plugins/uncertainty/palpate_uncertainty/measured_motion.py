@@ -40,6 +40,7 @@ def motion_table(track: TrackEvidence) -> dict[str, Any]:
     depth = track.surface - height
     if len(depth) < 2 or not np.max(depth) > 0:
         return {}
+    # An oscillation has a frequency and turns, any other motion a speed of its way in.
     rhythm = oscillation(time, height)
     if rhythm is not None:
         frequency, _ = rhythm

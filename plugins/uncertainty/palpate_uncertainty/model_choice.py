@@ -76,6 +76,7 @@ def _group_findings(group: list[TrackEvidence], candidates: tuple[str, ...]) -> 
     evidence = [_evidence(track) for track in group]
     bic = np.array([item.bic for item in evidence])
     best = evidence[int(np.argmin(bic))]
+    # Each parameter that all candidates have, weighted by the evidence of the best one's samples.
     results: dict[str, WeightedModels] = {}
     for name in _shared_parameters(group):
         values = np.array([_of(track, name, "values") for track in group])

@@ -38,6 +38,7 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, sensitivity: Along | Non
     """
     if track.estimator.motion == "position":
         return
+    # A velocity that explains another share of the position's change is wrong in itself.
     share = end.report.velocity_share
     if share is not None and not _MIN_SHARE <= share <= _MAX_SHARE:
         text = f"the stated velocity is {share:.2g} times what the position changes by: one of the two is wrong"
@@ -45,6 +46,7 @@ def velocity_flags(track: TrackEvidence, end: TrackEnd, sensitivity: Along | Non
         return
     if end.report.velocity_delay is None:
         return
+    # A late one moves the values by the motion that the estimator uses.
     lateness, uncertainty = end.report.velocity_delay
     if abs(lateness) <= max(_MIN_LATENESS, _MIN_DEVIATIONS * uncertainty):
         return

@@ -104,6 +104,7 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     kept = track.kept
     if track.model.memory or not np.isfinite(track.values).all():
         return None
+    # Rate and acceleration without delay, and the force without the inertia.
     interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
     stamp = np.rint(kept.time * 1e9).astype(np.int64)
     samples = Samples(stamp, kept.time, interval, kept.force, kept.position, kept.velocity, always, always)
@@ -113,6 +114,7 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     course = replace(course, rate=motion.rate, force=outer)
     if np.count_nonzero(course.used) < ENOUGH_SAMPLES:
         return None
+    # The model at the minimum of these samples, against the noise of the force.
     fit = refit(course, track.values, track.surface)
     force = ForceNoise.of(track, fit.residual)
     if force is None:

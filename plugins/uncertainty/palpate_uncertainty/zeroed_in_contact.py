@@ -34,6 +34,7 @@ def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
     rows = (track.air_time <= tare.until) & np.isfinite(track.air_force) & np.isfinite(track.air_position)
     if np.count_nonzero(rows) < FEWEST_READINGS:
         return
+    # The model's force where the zero was taken, and its uncertainty by tare and surface.
     height = float(np.median(track.air_position[rows]))
     depth = track.surface - height
     force = _force_at(track, track.values, depth)

@@ -61,6 +61,7 @@ def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     if rhythm is None:
         return {}
+    # The shift of each viscosity by the delay g/(2 w).
     angular_frequency = 2.0 * np.pi * rhythm[0]
     shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
     like = {

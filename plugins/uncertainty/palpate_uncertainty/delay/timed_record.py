@@ -127,6 +127,7 @@ def _smooth_motion(track: TrackEvidence, course: Course, step: float) -> tuple[F
     total_variance = slope_variance + speed_variance
     speed_share = slope_variance / total_variance if total_variance > 0 else 0.0
 
+    # Local cubics within the runs; a run that is shorter than the window keeps its velocity.
     rates, accelerations = [], []
     cuts = np.flatnonzero(np.diff(course.runs)) + 1
     for run_depth, run_speed in zip(np.split(depth, cuts), np.split(speed, cuts), strict=True):
