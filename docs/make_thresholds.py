@@ -16,7 +16,10 @@ origin is a choice, whose rates of error stand in [decisions](../decisions/READM
 such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see [facts](../rig-facts.md).
 """
 # Words of a comment by which a number has another origin than a choice.
-_LAW = r"\b(19|20)\d\d\b|\blaw of\b|\bequation\b|\beq\. \d|\bnormal noise\b|\brectangular distribution\b"
+_LAW = (
+    r"\b(19|20)\d\d\b|\blaw of\b|\bequation\b|\beq\. \d|\bnormal noise\b|\brectangular distribution\b"
+    r"|\bof white noise of variance 1\b|\brandom walk\b"
+)
 _MEASUREMENT = r"(?<!not )\bby chance\b|\bof \d+ (tracks|values|records)\b|\boccurs\b|\bthe most of\b"
 
 

@@ -30,9 +30,9 @@ _MIN_CYCLES = 1.5  # of the motion's frequency in a standstill, to look for it t
 _SPEED_SAMPLES = 10  # samples to either side, over which speed and acceleration are differences
 _PULL_SAMPLES = 16  # samples of a mean, whose lowest is the pull
 
-# The pull P of Johnson, Kendall and Roberts (1971), see `_adhesion_effects`.
-_DEEPER_BY_ADHESION = 16.0 / 9.0  # square of the additional depth over the depth, for a pull of the force itself
-_CONSTANT_FORCE = 2.0 / 3.0  # deep in contact, of the pull
+# Of a sphere that a material pulls with a force P, see `_adhesion_effects`.
+_DEEPER_BY_ADHESION = 16.0 / 9.0  # squared additional depth over the depth, for P of the force (Johnson et al. 1971)
+_CONSTANT_FORCE = 2.0 / 3.0  # of P, that acts deep in contact (Johnson et al. 1971)
 
 
 @dataclass(frozen=True)
