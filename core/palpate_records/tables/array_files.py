@@ -222,6 +222,8 @@ def _of_document(path: tuple[str, ...], value: Any) -> Named:
             str(key).isdigit() for key in value
         ):  # a column by the numbers of its rows
             yield path, _column(value.values())
+        elif path and (numbers := _numbers_of_unit(value)) is not None:
+            yield (*path[:-1], f"{path[-1]} [{value['unit']}]"), _column(numbers)
         else:
             for key, inner in value.items():
                 yield from _of_document((*path, str(key)), inner)
@@ -233,6 +235,13 @@ def _of_document(path: tuple[str, ...], value: Any) -> Named:
             yield path or ("",), _column(value)
     elif isinstance(value, int | float | str):
         yield path or ("",), value
+
+
+def _numbers_of_unit(value: Mapping[str, Any]) -> list[Any] | None:
+    """Return the one list of an object that states its unit, as {"unit": "mN", "data": [...]}; None for any other."""
+    lists = [inner for inner in value.values() if isinstance(inner, list)]
+    is_one = isinstance(value.get("unit"), str) and len(lists) == 1
+    return lists[0] if is_one and all(isinstance(cell, int | float | None) for cell in lists[0]) else None
 
 
 def _column(values: Iterable[Any]) -> Array:

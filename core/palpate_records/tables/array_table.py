@@ -56,14 +56,15 @@ def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[Ar
     """
     columns: dict[tuple[str, ...], Array] = {}
     facts: dict[str, str] = {}
-    for path, values in arrays:
-        array = np.asarray(values)
+    named = [(tuple(path), np.asarray(values)) for path, values in arrays]
+    for path, array in named:
         if array.ndim == 2 and min(array.shape) == 1:
             array = array.ravel()
         if array.size == 1 and array.dtype.kind in "biufUS":
             facts[path[-1]] = _text(array.ravel()[0])[:_FACT_LENGTH]
         elif array.ndim and len(array) >= _MIN_ROWS:
-            columns |= _columns(tuple(path), array)
+            names = _names_of_columns(named, path[:-1], array.shape[1]) if array.ndim == 2 else ()
+            columns |= _columns(path, array, names)
     if _is_repeated(columns):
         columns = _below_groups_of_presses(columns)
     is_repeated = _is_repeated(columns)
@@ -98,13 +99,31 @@ def _below_groups_of_presses(columns: Mapping[tuple[str, ...], Array]) -> dict[t
     return {**columns}
 
 
-def _columns(path: tuple[str, ...], array: Array) -> dict[tuple[str, ...], Array]:
+def _names_of_columns(
+    arrays: Iterable[tuple[tuple[str, ...], Array]], group: tuple[str, ...], width: int
+) -> Sequence[str]:
+    """Return the names of a matrix's columns, by the one array of so many texts in its group, with units of another."""
+    texts = {
+        path[-1].lower(): [str(text) for text in array.ravel()]
+        for path, array in arrays
+        if path[:-1] == group and array.size == width > 1 and all(isinstance(text, str) for text in array.ravel())
+    }
+    units = [texts.pop(name) for name in ("unit", "units") if name in texts]
+    if len(texts) != 1:
+        return ()
+    (names,) = texts.values()
+    return [f"{name} [{unit}]" for name, unit in zip(names, units[0], strict=True)] if units else names
+
+
+def _columns(path: tuple[str, ...], array: Array, names: Sequence[str] = ()) -> dict[tuple[str, ...], Array]:
     """Return an array (n,), the columns of a matrix (n, k), or the fields of records (n,), by their paths of names."""
     if array.dtype.names is not None:
         fields = [_columns((*path[:-1], field), array[field]) for field in array.dtype.names]
         return {key: values for field in fields for key, values in field.items()}
     if array.dtype.kind not in "biufmMSU":
         return {}
+    if array.ndim == 2 and len({*names}) == array.shape[1]:
+        return {(*path[:-1], name): array[:, k] for k, name in enumerate(names)}
     if array.ndim == 2 and array.shape[1] <= _MAX_WIDTH:
         return {(*path[:-1], f"{path[-1]}[{k}]" if path[-1] else str(k)): array[:, k] for k in range(array.shape[1])}
     return {path: array} if array.ndim == 1 else {}

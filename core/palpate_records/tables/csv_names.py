@@ -101,8 +101,14 @@ def stamp_parts(names: Sequence[str]) -> dict[str, int]:
 
 
 def exact_role(name: str) -> str | None:
-    """Return the role that a whole name states."""
-    return next((role for role, words in EXACT.items() if name.strip().lower() in words), None)
+    """Return the role that a whole name states, and of names within groups a time.
+
+    >>> exact_role("Fz"), exact_role("force.time"), exact_role("tool.z")
+    ('force', 'time', None)
+    """
+    *groups, last = name.strip().lower().split(".")
+    role = next((role for role, words in EXACT.items() if last in words), None)
+    return role if not groups or role == "time" else None
 
 
 def role_by_words(name: str) -> str | None:
@@ -199,7 +205,7 @@ def is_of_retraction(name: str) -> bool:
 def begins_as_time(name: str) -> bool:
     """Return True if the first word of a name is one of time."""
     words = words_of(name)
-    return bool(words) and (words[0] in EXACT["time"] or BY_WORD.get(words[0]) == "time")
+    return bool(words) and ("time" in (exact_role(name), BY_WORD.get(words[0])) or words[0] in EXACT["time"])
 
 
 def unit_text(name: str) -> str:
