@@ -23,9 +23,11 @@ WORDS = {
     "other": (
         "stress strain temperature torque moment energy index cycle cycles count points scan current humidity area "
         "cantilever spannung dehnung temperatur sample segment status mode orientation rotation acceleration "
-        "width gripper finger fingers jaw aperture std stdev sd error errors uncertainty variance 応力 ひずみ 温度"
+        "width gripper finger fingers jaw aperture std stdev sd sem deviation error errors uncertainty variance "
+        "応力 ひずみ 温度"
     ),
 }
+SPREADS = {"std", "stdev", "sd", "sem", "deviation", "error", "errors", "uncertainty", "variance"}  # of a quantity
 # What is a length or force only where a unit says so, as that of a linear joint does.
 _ANGULAR = (
     "joint joints j q qd dq ddq theta phi psi angle angles angular winkel gelenk roll pitch yaw rx ry rz tau torques "

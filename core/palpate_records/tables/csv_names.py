@@ -18,6 +18,7 @@ from palpate_records.tables.column_words import (
     QUALIFIERS,
     READERS,
     READINGS,
+    SPREADS,
     SYMBOLS,
     VOLTS,
 )
@@ -124,6 +125,15 @@ def is_another_quantity(name: str) -> bool:
     (True, False)
     """
     return "other" in _roles_of_words(name)
+
+
+def is_spread(name: str) -> bool:
+    """Return True if a name states the scatter of a quantity, which has the unit of that, and not the quantity.
+
+    >>> is_spread("force std (N)"), is_spread("force mean (N)")
+    (True, False)
+    """
+    return bool(SPREADS & {*words_of(name)})
 
 
 def _roles_of_words(name: str) -> list[str]:

@@ -16,6 +16,7 @@ from palpate_records.tables.csv_names import (
     is_another_quantity,
     is_depth,
     is_of_retraction,
+    is_spread,
     role_by_words,
     symbol_role,
 )
@@ -98,6 +99,14 @@ def heights_next_to_depth(columns: TableColumns) -> Collection[int]:
     return {*heights} - {*depths} if depths else ()
 
 
+@rule("words such as std", "the scatter of a force next to the force, in whose unit it is", Sureness.WORD)
+def scatter_of_force(columns: TableColumns) -> Collection[int]:
+    """Return the columns of scatter, unless no other column is a force, as a microscope's deflection error alone."""
+    scatter = {k for k, name in enumerate(columns.names) if is_spread(name)}
+    forces = {k for k, role in enumerate(columns.roles) if role == "force"}
+    return scatter if forces - scatter else ()
+
+
 @rule("words such as retract", "columns of the way back, next to those of the way in", Sureness.WORD)
 def columns_of_retraction(columns: TableColumns) -> Collection[int]:
     """Return the columns of the way back, unless all are."""
@@ -118,7 +127,13 @@ def elements_that_turn(columns: TableColumns) -> Collection[int]:
 
 
 CLAIM_RULES = (name_of_another_quantity, unit_of_column, whole_name, word_of_name, symbol_of_quantity)
-EXCLUSION_RULES = (heights_next_to_depth, columns_of_retraction, axes_of_less_force, elements_that_turn)
+EXCLUSION_RULES = (
+    heights_next_to_depth,
+    scatter_of_force,
+    columns_of_retraction,
+    axes_of_less_force,
+    elements_that_turn,
+)
 
 
 def column_roles(sheet: Sheet, values: Floats) -> list[str | None]:
