@@ -133,6 +133,15 @@ class Forgetful(Press):
         return (0.0 * depth, 0.0 * depth)
 
 
+class Rooted(Press):
+    """Its memory follows a root of the depth, which is complex out of contact."""
+
+    memory = ("a",)
+
+    def memory_rate(self, depth, rate, theta, memory):
+        return (depth**1.5 - memory[0],)
+
+
 MODELS = {
     "damping negative": {"law": lambda d, v, p: right_law(d, -v, p)},
     "damping negative when leaving": {
@@ -159,6 +168,11 @@ MODELS = {
 
 def test_a_right_model_is_green():
     check_model(Press(), TRUTH)
+
+
+def test_a_memory_is_asked_out_of_contact():
+    with pytest.raises(AssertionError, match="memory_rate is not a finite number at depth -0.001 m"):
+        check_model(Rooted(), TRUTH)
 
 
 def finds_model(settings):
