@@ -181,8 +181,9 @@ def _place(error: BaseException, plugin: Plugin) -> str:
 
 
 def missing_methods(part: Any) -> str:
-    """Return the methods of a part's kind that the part does not define; empty if none is missing."""
-    return ", ".join(sorted(part.__abstractmethods__)) if isabstract(part) else ""
+    """Return the methods and constants of a part's kind that the part does not define; empty if none is missing."""
+    constants = {name for name in getattr(part, "__class_vars__", ()) if not hasattr(part, name)}
+    return ", ".join(sorted(constants.union(part.__abstractmethods__ if isabstract(part) else ())))
 
 
 def _register(manager: pluggy.PluginManager, module: ModuleType, name: str) -> None:

@@ -85,6 +85,44 @@ def test_exit_in_the_start_of_a_filter_is_a_failure_of_it(run):
     assert "failed: SystemExit: 3 (own.py, line 8, in start)" in done.stderr
 
 
+TIP = """
+from palpate import Command, Indenter, plugin
+class Own(Indenter):
+    '''A tip of my own.'''
+    def contact_radius(self, depth):
+        exit(3)
+def end() -> None:
+    exit(4)
+@plugin
+def palpate_indenters():
+    return {"own": Own}
+@plugin
+def palpate_commands():
+    return {"own-end": Command(end, "End.")}
+"""
+
+
+def test_exit_in_a_tip_is_a_failure_of_it_and_in_a_command_its_end(run, palpate, tmp_path):
+    done = run(TIP, 'indenter.tip={type="own"}', command="check")
+    assert done.returncode == 2
+    assert "own.py failed: SystemExit: 3 (" in done.stderr
+    assert palpate("--plugin", tmp_path / "own.py", "own-end").returncode == 4
+
+
+def test_parameters_of_another_kind_are_a_sentence(run):
+    text = MODEL.format(second="damping", gradient="(0.0,)")
+    for wrong, complaint in (
+        (text.replace('"elastic"', '"elastik"'), "parameter 'elasticity': the role is 'elastic', 'viscous' or None"),
+        (text.replace('"Pa"', "None"), "parameter 'elasticity': the unit is a text such as 'Pa', not None"),
+        (text.replace("parameters = (", "parameters = None and ("), "Own.parameters is not a tuple of Parameter: None"),
+        (text.replace("parameters = (", "others = ("), "(Own), which does not define parameters"),
+    ):
+        done = run(wrong, 'model.own.type="own"', command="check")
+        assert done.returncode == 2
+        assert complaint in done.stderr
+        assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("text", "place"),
     [

@@ -171,7 +171,7 @@ def test_a_right_model_is_green():
 
 
 def test_a_memory_is_asked_out_of_contact():
-    with pytest.raises(AssertionError, match="memory_rate is not a finite number at depth -0.001 m"):
+    with pytest.raises(AssertionError, match="memory_rate is not a finite number at depth -0"):
         check_model(Rooted(), TRUTH)
 
 

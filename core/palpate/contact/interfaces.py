@@ -72,6 +72,13 @@ class Parameter:
     start: float | None = None  # first guess, of the order that soft silicone and tissue have
     start_std: float | None = None  # how far off it may be
 
+    def __post_init__(self) -> None:
+        """Raise ValueError for a unit that is not a text, or an unknown role."""
+        if not isinstance(self.unit, str):
+            raise ValueError(f"parameter {self.name!r}: the unit is a text such as 'Pa', not {self.unit!r}")
+        if self.role not in (None, "elastic", "viscous"):
+            raise ValueError(f"parameter {self.name!r}: the role is 'elastic', 'viscous' or None, not {self.role!r}")
+
     @property
     def lowest_estimate(self) -> float:
         """The lower bound of least squares: none for a viscosity, so that those of an elastic material average to 0."""
@@ -107,6 +114,15 @@ class ContactModel(Part, ABC):
     interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     law_error: ClassVar[float] = 0.0  # of the force, how far it may be off the solution that its formula stands for
     adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **settings: Any) -> None:
+        """Raise TypeError where the parameters of a class are not a sequence of `Parameter`."""
+        super().__pydantic_init_subclass__(**settings)
+        parameters = vars(cls).get("parameters", ())
+        is_sequence = isinstance(parameters, tuple | list)
+        if not is_sequence or not all(isinstance(parameter, Parameter) for parameter in parameters):
+            raise TypeError(f"{cls.__name__}.parameters is not a tuple of Parameter: {parameters!r}")
 
     @abstractmethod
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:

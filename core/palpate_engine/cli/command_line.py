@@ -10,12 +10,13 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from types import SimpleNamespace
+from types import FrameType, SimpleNamespace
 from typing import Any
 
 from palpate.discovery import discover, plugin_file_of
 from palpate.errors import PalpateError, PluginError, error_in
 from palpate.offers import function_of
+from palpate.plugin_origin import Plugin
 from palpate.plugin_switch import OFF, only_plugins
 from palpate.printable_text import printable
 from palpate.safe_path import safe_processes, without_current_folder
@@ -39,6 +40,7 @@ from palpate_engine.terminal_escape import harmless_output
 # One thread of linear algebra, set before numpy is imported: on small matrices more threads only wait for one another,
 # work is spread over processes, and sums have the same bits on any number of cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+ARGUMENT_READERS = ("click.", "typer.")  # modules of the libraries that read a command's own arguments
 # Where Ctrl-C comes while pydantic makes a class, of a part that is imported, it makes an error of its own of it.
 _CTRL_C = re.compile(r"SchemaError: .*\bKeyboardInterrupt: ", re.DOTALL)
 
@@ -56,8 +58,10 @@ def _main(arguments: Sequence[str]) -> None:
             warnings.simplefilter("ignore", RuntimeWarning)  # numpy's: numbers out of range become flags, in words
             try:
                 call(arguments, ends=True)
-            except SystemExit:
+            except SystemExit as end:
                 sys.stdout.flush()  # a full disk is reported here, not by the interpreter
+                if _culprit(end) is not None:  # a part that calls exit()
+                    sys.exit(_report(end))
                 raise
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe, such as head, has gone
@@ -88,13 +92,24 @@ def _culprit(error: BaseException) -> str | None:
     if isinstance(error, PalpateError):
         return None
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if isinstance(error, SystemExit):
+        # The reader of a command's arguments ends the process itself; of exit() below it the command is first.
+        readers = [k for k, frame in enumerate(frames) if frame.f_globals["__name__"].startswith(ARGUMENT_READERS)]
+        frames = frames[readers[-1] + 1 :] if readers else []
+    if not frames:
+        return None
     strangers = [plugin for plugin in discover(plugin_files_at_hand()).plugins.values() if not plugin.own]
-    for frame in reversed(frames):
-        file = plugin_file_of(SimpleNamespace(**frame.f_globals))
-        names = [plugin.name for plugin in strangers if plugin.holds(frame.f_code.co_filename)]
-        if file is not None or names:
-            return names[0] if names else str(file.path) if file else None
-    return None
+    # A command of a third party may end the process, which a part may not.
+    if isinstance(error, SystemExit) and _holder(frames[0], strangers) is not None:
+        return None
+    return next((name for frame in reversed(frames) if (name := _holder(frame, strangers)) is not None), None)
+
+
+def _holder(frame: FrameType, plugins: Sequence[Plugin]) -> str | None:
+    """Return the name of the plugin, or the path of the plugin file, that holds the code of a frame."""
+    file = plugin_file_of(SimpleNamespace(**frame.f_globals))
+    names = [plugin.name for plugin in plugins if plugin.holds(frame.f_code.co_filename)]
+    return names[0] if names else str(file.path) if file is not None else None
 
 
 def call(arguments: Sequence[str], ends: bool = False) -> None:
