@@ -96,11 +96,12 @@ def test_rows_that_are_not_plain_are_looked_at_whole(tmp_path, odd, rows):
     assert after == alone
 
 
-def test_the_files_of_a_folder_are_looked_at_whole_once(tmp_path, monkeypatch):
+@pytest.mark.parametrize("row", ["0,125;0,250;1", "-1;1250,125;0", "1;12,5;3", "1,5e-3;2;3"])
+def test_the_files_of_a_folder_are_looked_at_whole_once(tmp_path, monkeypatch, row):
     dialect_of, looked = csv_sheet.dialect_of, []
     monkeypatch.setattr(csv_sheet, "dialect_of", lambda lines: looked.append(1) or dialect_of(lines))
     for seed in range(5):
         path = tmp_path / f"{seed}.csv"
-        path.write_text(table(HEADS["names with units"], ";", ",", "{:.4f}", seed))
+        path.write_text(table(HEADS["names with units"], ";", ",", "{:.4f}", seed, edit=lambda line: row))
         assert look(path)[0].decimal == ","
     assert len(looked) == 1

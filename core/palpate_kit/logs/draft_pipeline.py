@@ -15,6 +15,8 @@ from palpate_engine import Registry, registry as registries
 from palpate_records.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
 from palpate_records.tables.binary_tables import is_binary_table, record_sheets
 
+from palpate_kit.logs.suggestion import delay_hint
+
 _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
 
 
@@ -131,7 +133,7 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
     words = [f"A pipeline for {log.name}. What was found, and why:", *(f"  {text}" for text in suggestion.reasons)]
     words += [f"FILL IN {text}" for text in suggestion.blanks]
     words += [f"CHECK {text}" for text in suggestion.doubts]
-    words += suggestion.hints
+    words += [*suggestion.hints, *delay_hint(suggestion)]
     lines = [f"# {printable(text)}" for text in words]
     lines += ["", "[run]", f"name = {_toml(log.name)}"]
     lines += ["# Not stated anywhere: correct these below, and take them out of this list."]

@@ -176,14 +176,15 @@ def assemble_suggestion(
     if why is not None:
         alignment["tare"] = "none"
         reasons.append(f"tare: {why}, which therefore gives none")
-    hints = [*extra.get("hints", ()), *delay_hint(series)]
     views = {r: (*series[r], {"force": "N", "position": "m", "velocity": "m/s"}[r]) for r in series}
     doubts = (*doubtful_points(found), *extra.get("doubts", ()))
     asked = {r: p for r, p in found.picks.items() if not p.sure and (p.others or p.series.is_guess)}
     labels = {r: [s.label for s in (p.series, *p.others)] for r, p in asked.items()}
     rivals = {role: tuple(label.removeprefix("column ") for label in names) for role, names in labels.items()}
     blanks = tuple(extra.get("blanks", ()))
-    return Suggestion(device, alignment, tuple(reasons), doubts, blanks, tuple(hints), views, rivals=rivals)
+    return Suggestion(
+        device, alignment, tuple(reasons), doubts, blanks, tuple(extra.get("hints", ())), views, rivals=rivals
+    )
 
 
 def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
@@ -193,10 +194,12 @@ def _pause(series: Iterable[tuple[Floats, Floats]]) -> float | None:
     return longest if longest > AlignmentSettings.model_fields["gap"].default else None
 
 
-def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
+def delay_hint(suggestion: Suggestion) -> list[str]:
     """Return the delay between force and motion, where something swings in free air; in contact it cannot be
-    determined."""
-    found = air_delay(*series["force"], *series["position"])
+    determined. Empty for a suggestion without numbers of both."""
+    if not {"force", "position"} <= suggestion.views.keys():
+        return []
+    found = air_delay(*suggestion.views["force"][:2], *suggestion.views["position"][:2])
     if found is None:
         return [
             "delay: nothing moves enough in free air to determine it; in contact it cannot be distinguished "

@@ -13,7 +13,7 @@ from palpate_records.tables.plain_numbers import plain_numbers
 
 _MAX_FORMS = 64  # that are remembered, some kB each: a choice
 # A mark that no thousands have: behind a leading zero or four digits, or not before exactly three.
-_FRACTION = {mark: re.compile(rf"(?<![\d.,])0[{mark}]|\d{{4}}[{mark}]|[{mark}](?!\d{{3}}(?!\d))") for mark in ".,"}
+_FRACTION = {mark: re.compile(rf"(?<!\d)0[{mark}]|\d{{4}}[{mark}]|[{mark}](?!\d{{3}}(?!\d))") for mark in ".,"}
 
 
 @dataclass(frozen=True)

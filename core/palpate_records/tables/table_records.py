@@ -20,7 +20,7 @@ from palpate_records.tables.binary_tables import is_binary_table, record_sheets
 from palpate_records.tables.cells import number
 from palpate_records.tables.csv_names import exact_role, role_by_words, unit_of, words_of
 from palpate_records.tables.csv_sheet import Sheet
-from palpate_records.tables.plain_numbers import whole_lines
+from palpate_records.tables.plain_numbers import whole_lines, without_digits
 from palpate_records.tables.table_pages import continued_pages
 from palpate_records.tables.table_record import TableRecord
 from palpate_records.tables.table_text import bounded_lines, open_text
@@ -171,7 +171,9 @@ def _lines_with_letters(file: IO[str], sheet: Sheet) -> Iterator[tuple[int, str]
     count = 0
     for text in chain(above, whole_lines(file)):
         lines = [*io.StringIO(text, newline="")]
-        if any(map(str.isalpha, {*text})):
+        # Whole blocks of numbers have no letter but the e of an exponent.
+        are_exponents = all(text.count(e) == text.count(f"{e}-") + text.count(f"{e}+") for e in "eE")
+        if not are_exponents or any(map(str.isalpha, {*without_digits(text)})):
             yield from ((count + k, line) for k, line in enumerate(lines, 1) if any(map(str.isalpha, line)))
         count += len(lines)
 
