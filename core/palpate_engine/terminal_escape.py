@@ -53,7 +53,7 @@ class _Harmless:
             stream.reconfigure(errors="palpate-plain")
 
     def write(self, text: Any) -> int:
-        """Raises OutputError where it cannot be written."""
+        """Write a text; raises OutputError where it cannot be written."""
         if not isinstance(text, str):  # so that a stream of texts differs from one of bytes
             raise TypeError(f"expected a text, not {type(text).__name__}")
         if not text:
@@ -65,7 +65,7 @@ class _Harmless:
         return len(text)
 
     def flush(self) -> None:
-        """Raises OutputError where it cannot be written."""
+        """Flush the stream; raises OutputError where it cannot be written."""
         with self._reported_failure():
             self._stream.flush()
 

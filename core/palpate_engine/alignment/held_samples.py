@@ -16,7 +16,7 @@ _BASELINE = 1.0  # [s] of air that the begin of contact is located against; a ch
 
 @dataclass(frozen=True)
 class Lookback:
-    """How many samples are held back, and for what."""
+    """Counts of the samples that are held back, and their purposes."""
 
     interval: float  # [s] between samples
     back: int  # samples that are looked back over, once contact shows
@@ -48,7 +48,7 @@ class HeldSamples:
 
     @property
     def samples(self) -> Samples:
-        """Those that are held back."""
+        """Samples that are held back."""
         assert self._held is not None
         return self._held
 

@@ -46,7 +46,7 @@ _PARTS = (8, 32)  # of a residual, whose means show how many readings count as o
 
 @dataclass(frozen=True)
 class RecordTouch:
-    """Where contact begins in a stretch that shows it."""
+    """Begin of contact in a stretch that shows it."""
 
     begin: int  # index of the first sample below the surface
     surface: float  # [m]

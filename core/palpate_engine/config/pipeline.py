@@ -143,7 +143,7 @@ class CalibrationUse(Protocol):
         ...
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
-        """Flags against its use; `live` is the health that connected devices report, by name."""
+        """Return the flags against its use; `live` is the health that connected devices report, by name."""
         ...
 
 
@@ -155,7 +155,7 @@ class ControlUse(Protocol):
         ...
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
-        """Flags against it; `live` is the health that connected devices report, by name."""
+        """Return the flags against it; `live` is the health that connected devices report, by name."""
         ...
 
 

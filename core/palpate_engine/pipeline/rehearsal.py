@@ -25,7 +25,8 @@ def refuse_rehearsal(rig: Rig) -> None:
 
 @contextmanager
 def simulated_time(pipeline: Pipeline) -> Iterator[None]:
-    """The simulated time of a rehearsal's twin, unless this process already uses one; no change for others.
+    """Let the context be in the simulated time of a rehearsal's twin, unless this process already uses one; change
+    nothing for others.
 
     Raises ConfigurationError where the twin has none.
     """
@@ -38,7 +39,7 @@ def simulated_time(pipeline: Pipeline) -> Iterator[None]:
 
 
 def rehearsal_facts(pipeline: Pipeline, script: Mapping[str, Any] | None) -> dict[str, Any]:
-    """``run.rehearsal`` of a rehearsal, with its faults, hold-ups and seed; nothing of others."""
+    """Return ``run.rehearsal`` of a rehearsal, with its faults, hold-ups and seed; nothing of others."""
     twin = pipeline.run.rehearsal
     if twin is None or not is_live(pipeline.devices):
         return {}

@@ -21,7 +21,7 @@ class RestWindow:
         self._states: deque[tuple[int, tuple[float, ...]]] = deque()  # time [ns], place [m]
 
     def add(self, time: int, place: Sequence[float]) -> None:
-        """A state's time [ns], and its place [m]; one axis or three."""
+        """Take a state's time [ns], and its place [m]; one axis or three."""
         states = self._states
         states.append((time, tuple(place)))
         while len(states) > 1 and time - states[1][0] >= self._span:

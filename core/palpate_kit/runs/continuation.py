@@ -15,7 +15,8 @@ from palpate_kit.runs.run_folder import RunFolder
 
 
 def recorded_pipeline(folder: Path, overrides: Iterable[str] = ()) -> Pipeline:
-    """The pipeline of a run as it was resolved, with ``table.key=value`` overrides on top; a rehearsal's stays one.
+    """Return the pipeline of a run as it was resolved, with ``table.key=value`` overrides on top; a rehearsal's stays
+    one.
 
     Raises LogError where the folder contains none, ConsentError where it names a plugin file that nobody has approved.
     """

@@ -20,6 +20,7 @@ from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 from palpate_kit.runs.shared_tips import name_tips
 
 _CHOSEN = "chosen"  # the device of channels that were chosen
+_SHOWN_DIGITS = 12  # of a hash in a message: a choice
 
 
 @dataclass(frozen=True)
@@ -76,10 +77,8 @@ def replay_source(
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
     for name in ("sink", "twin"):
         tables.pop(name, None)
-    calibration = run.get("calibration")
-    file = _beside(carried.log, calibration) if isinstance(calibration, str) else None
-    if file is not None and (not file.exists() or (file.is_file() and not enclosure.admits(file))):
-        run.pop("calibration")  # what it gave is in the resolved settings
+    _drop_foreign_calibration(run, carried.log, enclosure)
+    # Parts that the caller adds, and the tracks that are made of them.
     for kind, types in (("model", models), ("estimator", estimators)):
         for name in types:
             tables.setdefault(kind, {}).setdefault(name, added_table(kind, name, tables))
@@ -90,6 +89,16 @@ def replay_source(
     return source
 
 
+def _drop_foreign_calibration(run: dict[str, Any], log: Path, enclosure: Enclosure) -> None:
+    """Take a calibration out of [run] that is missing, or is not the recording's: the settings have its values."""
+    calibration = run.get("calibration")
+    if not isinstance(calibration, str):
+        return
+    file = _beside(log, calibration)
+    if not file.exists() or (file.is_file() and not enclosure.admits(file)):
+        run.pop("calibration")
+
+
 def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterable[str]) -> Source:
     """Return the pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
 
@@ -97,7 +106,8 @@ def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterab
     """
     source = replay_source(carried)
     tables = source.tables
-    name = next(name for name in (_CHOSEN, *(f"{_CHOSEN}_{k}" for k in range(2, 99))) if name not in tables["device"])
+    names = (_CHOSEN, *(f"{_CHOSEN}_{k}" for k in range(2, len(tables["device"]) + 2)))
+    name = next(name for name in names if name not in tables["device"])
     # Which part of the record is measured its run has said: the window that a suggestion guesses is for other logs.
     reader = {key: value for key, value in suggestion.device.items() if key not in ("begin", "end")}
     tables["device"][name] = {**reader, "file": str(carried.log.absolute())}
@@ -117,6 +127,7 @@ def run_log_text(source: Source, log: Path) -> str:
 
 
 def _beside(log: Path, text: str) -> Path:
+    """Return the path that a text of a log names, next to the log."""
     return log.parent / os.path.expanduser(text)  # which, other than that of pathlib, never raises
 
 
@@ -136,7 +147,7 @@ def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
         if recorded_hash is not None and hashlib.sha256(path.read_bytes()).hexdigest() != recorded_hash:
             raise ConfigurationError(
                 f"{carried.log}: was recorded with another version of the plugin file {text} "
-                f"(SHA-256 {recorded_hash[:12]}...)"
+                f"(SHA-256 {recorded_hash[:_SHOWN_DIGITS]}...)"
             )
 
 
@@ -188,5 +199,5 @@ def replace_model(source: Source, wanted: str) -> None:
 
 
 def _unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
-    """Numbers of a part that its table leaves to their defaults."""
+    """Return the numbers of a part that its table leaves to their defaults."""
     return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]

@@ -59,7 +59,8 @@ def is_whole(path: Path) -> bool:
 
 @contextmanager
 def open_table(path: Path, place: str) -> Iterator[None]:
-    """Reads a table that no schema describes, such as `details`; raises LogError where that fails, with its name."""
+    """Within the context a table is read that no schema describes, such as `details`; raises LogError with its name
+    where that fails."""
     try:
         yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:

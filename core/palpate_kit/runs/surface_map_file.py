@@ -78,6 +78,15 @@ def read_surface_map(path: Path) -> SurfaceMap:
         raise LogError(f"{path}: is not a map of a surface, or a damaged one: {error}") from error
 
 
+def _check_triangles(triangles: NDArray[np.int64], positions: Floats) -> None:
+    """Raise ValueError where triangles (m, 3) are missing or name unknown vertices, or positions (n, 3) are not
+    finite."""
+    if not len(triangles) or not np.isfinite(positions).all():
+        raise ValueError("it has no triangles, or a vertex that is not a finite number")
+    if triangles.min() < 0 or triangles.max() >= len(positions):
+        raise ValueError("a triangle names an unknown vertex")
+
+
 def _parse(content: bytes) -> SurfaceMap:
     """Return the map in the bytes of a PLY file; raises ValueError, IndexError or KeyError for any other content."""
     # The header: counts of vertices and faces, names of the columns, and the unit at the end of a comment.
@@ -98,9 +107,6 @@ def _parse(content: bytes) -> SurfaceMap:
     faces: Any = np.frombuffer(body, _FACE, counts["face"], offset=vertex_bytes)
     positions = np.column_stack([vertices[key] for key in _AXES])
     triangles = faces["rows"].astype(np.int64)
-    if not len(triangles) or not np.isfinite(positions).all():
-        raise ValueError("it has no triangles, or a vertex that is not a finite number")
-    if triangles.min() < 0 or triangles.max() >= len(positions):
-        raise ValueError("a triangle names an unknown vertex")
+    _check_triangles(triangles, positions)
     value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
     return SurfaceMap(positions, triangles, value, std, p, name, unit)

@@ -22,7 +22,7 @@ def print_json(findings: Any) -> None:
 
 
 def json_text(findings: Any) -> str:
-    """Findings as the text of a JSON file: numbers in SI, null for what is not finite."""
+    """Return findings as the text of a JSON file: numbers in SI, null for what is not finite."""
     return json.dumps(finite_tree(plain_data(findings)), indent=2, allow_nan=False) + "\n"
 
 

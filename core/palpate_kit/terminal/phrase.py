@@ -28,27 +28,30 @@ Phrase = tuple[str | Quantity, ...]
 def phrase_text(phrases: Sequence[Phrase], write: Callable[[Quantity], str]) -> str:
     """Return the text of phrases that differ in their numbers only: two as in "3 or 5 mm", more as in "10 to 22 mm"."""
     return "".join(
-        part if isinstance(part, str) else _range([one[place] for one in phrases], write)
+        part if isinstance(part, str) else _range([phrase[place] for phrase in phrases], write)
         for place, part in enumerate(phrases[0])
     )
 
 
 def _range(quantities: Sequence[str | Quantity], write: Callable[[Quantity], str]) -> str:
-    numbers = sorted((one for one in quantities if isinstance(one, Quantity)), key=lambda one: one.value)
+    """Return the quantities of one place of several phrases: one, two as in "3 or 5 mm", more by their range."""
+    numbers = sorted(
+        (quantity for quantity in quantities if isinstance(quantity, Quantity)), key=lambda quantity: quantity.value
+    )
     texts = list(dict.fromkeys(map(write, numbers)))
     if len(texts) == 1:
         return texts[0]
     number, _, unit = texts[0].rpartition(" ")
-    least = number if number and unit == texts[-1].rpartition(" ")[2] else texts[0]
-    return f"{least} {'or' if len(texts) == 2 else 'to'} {texts[-1]}"
+    low_text = number if number and unit == texts[-1].rpartition(" ")[2] else texts[0]
+    return f"{low_text} {'or' if len(texts) == 2 else 'to'} {texts[-1]}"
 
 
 def merged_phrases(counted: Iterable[tuple[Phrase, int]]) -> list[tuple[list[Phrase], int]]:
     """Return phrases in groups that differ in their numbers only, each with its number of curves, the most first."""
     groups: dict[tuple[str, ...], tuple[list[Phrase], list[int]]] = {}
     for phrase, count in counted:
-        kind = tuple(part if isinstance(part, str) else f"\0{part.unit}" for part in phrase)
-        phrases, counts = groups.setdefault(kind, ([], []))
+        words = tuple(part if isinstance(part, str) else f"\0{part.unit}" for part in phrase)
+        phrases, counts = groups.setdefault(words, ([], []))
         phrases.append(phrase)
         counts.append(count)
     return sorted(((phrases, sum(counts)) for phrases, counts in groups.values()), key=lambda group: -group[1])

@@ -15,8 +15,8 @@ from palpate_engine import whole_file
 
 Column = Sequence[str] | Sequence[float | None]  # texts, or numbers of which some are not known
 SUFFIXES = (".csv", ".parquet", ".xlsx")
-_MOST = 1 << 20  # rows of a sheet
-_LONGEST = 32_767  # characters of a cell
+_MAX_ROWS = 1 << 20  # of a sheet, by the format (ECMA-376)
+_MAX_CHARACTERS = 32_767  # of a cell, by the format
 _ILLEGAL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
 _DATED = re.compile(rb"(<dcterms:(?:created|modified)[^>]*>)[^<]*")
 
@@ -34,6 +34,7 @@ def write_table(path: Path, columns: Mapping[str, Column]) -> None:
 
 
 def _csv(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+    """Write the columns as CSV; what is not known is an empty cell."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -42,26 +43,31 @@ def _csv(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
 
 
 def _parquet(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+    """Write the columns as Parquet, texts and numbers; raises ConfigurationError without pyarrow."""
     try:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError as error:
         raise ConfigurationError(f'{path}: needs pyarrow; pip install "palpate[parquet]"') from error
-    kinds = {name: pyarrow.string() if _is_text(cells) else pyarrow.float64() for name, cells in columns.items()}
-    arrays = [pyarrow.array(cells, kinds[name]) for name, cells in columns.items()]
+    types = {name: pyarrow.string() if _is_text(cells) else pyarrow.float64() for name, cells in columns.items()}
+    arrays = [pyarrow.array(cells, types[name]) for name, cells in columns.items()]
     pyarrow.parquet.write_table(pyarrow.table(arrays, names=list(columns)), file)
 
 
 def _workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+    """Write a workbook with one sheet; its dates are replaced, so that the same table is the same file.
+
+    Raises ConfigurationError without openpyxl, and for more rows than a sheet holds.
+    """
     try:
         from openpyxl import Workbook
         from openpyxl.cell import WriteOnlyCell
     except ImportError as error:
         raise ConfigurationError(f'{path}: needs openpyxl; pip install "palpate[excel]"') from error
     count = max((len(cells) for cells in columns.values()), default=0)
-    if count >= _MOST:
+    if count >= _MAX_ROWS:
         raise ConfigurationError(
-            f"{path}: a sheet holds {_MOST - 1} rows, and there are {count}: write .parquet or .csv"
+            f"{path}: a sheet holds {_MAX_ROWS - 1} rows, and there are {count}: write .parquet or .csv"
         )
     book = Workbook(write_only=True)
     sheet: Any = book.create_sheet("values")
@@ -69,19 +75,20 @@ def _workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> Non
 
     def text(cell: str) -> Any:
         """Return a text, whatever it begins with: never a formula."""
-        found: Any = WriteOnlyCell(sheet, _ILLEGAL.sub("", cell)[:_LONGEST])
+        found: Any = WriteOnlyCell(sheet, _ILLEGAL.sub("", cell)[:_MAX_CHARACTERS])
         found.data_type = "s"
         return found
 
     for row in (tuple(columns), *zip(*columns.values(), strict=True)):
         sheet.append([text(cell) if isinstance(cell, str) else cell for cell in row])
+    # openpyxl writes the time of its making into the workbook, and zipfile that of each entry.
     dated = io.BytesIO()
     book.save(dated)
-    with ZipFile(dated) as before, ZipFile(file, "w", ZIP_DEFLATED) as archive:
-        for name in before.namelist():
+    with ZipFile(dated) as dated_archive, ZipFile(file, "w", ZIP_DEFLATED) as archive:
+        for name in dated_archive.namelist():
             entry = ZipInfo(name)  # of 1980
             entry.compress_type = ZIP_DEFLATED
-            archive.writestr(entry, _DATED.sub(rb"\g<1>1980-01-01T00:00:00Z", before.read(name)))
+            archive.writestr(entry, _DATED.sub(rb"\g<1>1980-01-01T00:00:00Z", dated_archive.read(name)))
 
 
 def _is_text(cells: Column) -> bool:

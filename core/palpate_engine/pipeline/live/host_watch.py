@@ -44,7 +44,7 @@ class HostWatch:
         return True
 
     def forget(self, device: str) -> None:
-        """The device has sent its last batch."""
+        """Expect no more batches of a device, which has sent its last one."""
         self._looked.pop(device, None)
 
     def _watch(self) -> None:

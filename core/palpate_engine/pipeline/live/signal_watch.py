@@ -28,7 +28,7 @@ class SignalWatch:
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
     def of(self, batch: Batch) -> Floats:
-        """Readings (n,) as the device sent them."""
+        """Return the readings (n,) as the device sent them."""
         return batch.values[:, self.port.column]
 
     def leap(self, batch: Batch) -> float:
