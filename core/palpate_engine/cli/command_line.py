@@ -91,6 +91,7 @@ def _culprit(error: BaseException) -> str | None:
     """Return the third party's plugin whose code raised an error, or called what did; None of one of palpate's own."""
     if isinstance(error, PalpateError):
         return None
+    # From the innermost frame outwards: the first that is of a third party's file or package.
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     if isinstance(error, SystemExit):
         # The reader of a command's arguments ends the process itself; of exit() below it the command is first.

@@ -108,11 +108,13 @@ def _with_folder(value: Any, folder: Path) -> Any:
 def _merge(tables: dict[str, Any], over: Mapping[str, Any], head: Location, inherited: dict[Location, str]) -> None:
     """Put tables over others, key by key; the places of what they replace are taken out of `inherited`."""
     for key, value in over.items():
+        # A signal in its short form is a table with its channel.
         below, location = tables.get(key), (*head, key)
         if location[0] == "alignment" and isinstance(value, dict) and isinstance(below, str):
             below = tables[key] = {"channel": below}  # a signal in its short form
             if location in inherited:
                 inherited[*location, "channel"] = inherited.pop(location)
+        # Tables are merged key by key; another part, a list or a number replaces what is below.
         is_other_part = isinstance(below, dict) and isinstance(value, dict) and _types_differ(below, value)
         if isinstance(below, dict) and isinstance(value, dict) and not is_other_part:
             _merge(below, value, location, inherited)

@@ -158,6 +158,7 @@ class Builder:
 
     def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
         """Return a field's value: what asks for a part gets one, by its name or from a table in place."""
+        # Several parts by name, settings in place, one part in place, or the name of one.
         kind = part_kind(annotation)
         entry = table_of_parts(annotation)
         if entry is not None and isinstance(value, dict):

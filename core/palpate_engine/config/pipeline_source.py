@@ -78,6 +78,7 @@ class Source:
         for i, key in enumerate(keys[:-1]):
             if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
                 table[key] = {"channel": table[key]}
+            # Tables around the key are made where they are missing.
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
                 statement = by or f"--set {'.'.join(keys)}"
@@ -123,6 +124,7 @@ class Source:
 
     def where(self, location: Location) -> str:
         """Return ``file:line`` of a location, of the nearest table around it, or the command line that set it."""
+        # From the key itself outwards: the command line, a base, then the file.
         for length in range(len(location), 0, -1):
             head = location[:length]
             if head in self._stated:

@@ -68,6 +68,7 @@ def declared_batches(name: str, link: Link, streams: Sequence[Stream]) -> Iterat
             raise DeviceError(f"device {name} failed: {error_in(error)}") from error
         if batch is None:
             return
+        # The stream has to be declared, with whole nanoseconds and a value for each channel.
         if not isinstance(batch, Batch):
             raise PluginError(f"device {name} sends {batch!r}, not a Batch")
         if batch.stream not in widths:

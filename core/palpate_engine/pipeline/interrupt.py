@@ -63,6 +63,7 @@ class Interrupt:
         """Take a press of Ctrl-C; raises KeyboardInterrupt where nobody waits for an arm, and the run was to stop
         before."""
         now = clock().now()
+        # A later press counts by itself after a while; a first one that finds the run stopped already does at once.
         is_first, self._pressed = self._pressed is None, now if self._pressed is None else self._pressed
         if now - self._pressed > _ONE_PRESS or (is_first and self.reason is not None):
             if not self._holds_arms:

@@ -39,6 +39,7 @@ class Latency:
         """Take note that positions of these true times (n,) [ns] have their estimates."""
         now, last = host_time_ns(), int(stamps[-1])
         served: list[NDArray[np.int64]] = []  # arrivals [ns]
+        # Arrivals of all positions up to the last one that has an estimate.
         while self._arrived and int(self._arrived[0][0][0]) <= last:
             times, received = self._arrived.popleft()
             if (count := int(np.searchsorted(times, last, side="right"))) < len(times):
@@ -53,6 +54,7 @@ class Latency:
         """Return median, 99th percentile (each at most 8 % too large) and maximum [s]; None without an estimate."""
         if not (total := int(self._counts.sum())):
             return None
+        # A quantile is the upper edge of the bin in which it lies.
         ranks = np.searchsorted(np.cumsum(self._counts), [share * total for share in _QUANTILES])
         p50, p99 = (min(float(_EDGES[min(rank, len(_EDGES) - 1)]), self._largest) for rank in ranks)
         return {"p50": p50, "p99": p99, "max": self._largest}

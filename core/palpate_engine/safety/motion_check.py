@@ -132,6 +132,7 @@ def _whole_motion(
 def _report(whole: _Stretch, limits: SafetySettings, surface: Surface | None, more: Iterable[str] = ()) -> MotionReport:
     """Return the report of a whole motion; `more` problems are added to those of the limits."""
     reach, inward, (contradiction, stated, done) = whole.reach, whole.inward, whole.apart
+    # The limits of the workspace, then what contradicts itself, force, turns, depth and clearance.
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_excess_text(excess) for excess in limits.motion.excesses(reach)]
     if contradiction > _CONTRADICTION:

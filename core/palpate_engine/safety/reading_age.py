@@ -44,6 +44,7 @@ class ReadingAge:
             elapsed, late = (arrival - began) / _SECOND, (arrival - stamp - usual) / _SECOND
             if not self._is_fitted:
                 self._note_second(elapsed, late)
+            # Lateness above the envelope of the promptest, which rises by the drift.
             without_drift = late - self._drift * elapsed
             if without_drift < self._promptest:
                 self._promptest = without_drift

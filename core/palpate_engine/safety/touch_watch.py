@@ -70,6 +70,7 @@ class TouchWatch:
 
     def _air_fault(self, time: float, count: int, total: float, in_air: bool) -> str | None:
         """Return why the zero in free air is another one than at standstill, at its end or after half a second."""
+        # A stretch in free air begins, and its readings are collected after the tip has left the material.
         if in_air and self._air_began is None:
             self._air_began, self._count, self._sum, self._was_touched = time, 0, 0.0, False
         if self._air_began is None:
@@ -82,6 +83,7 @@ class TouchWatch:
         duration = self._last - self._first if self._count else 0.0
         if in_air and duration < _MAX_AIR:
             return None
+        # It ends with the descent, or after so long that a drift shows, and another one begins.
         mean, readings = self._sum / max(self._count, 1), self._count
         self._count, self._sum = 0, 0.0
         if not in_air:

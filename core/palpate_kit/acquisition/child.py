@@ -120,6 +120,7 @@ class Child:
             raise DeviceError(f"{self.name}: {self.fault}")
         if code is not None:
             raise DeviceError(f"{self.name}: its process ended ({_ending(code, self._hint)}")
+        # A process that lives may still hang: its heartbeat shows that.
         beat = self.ring.last_beat()
         if beat_limit is not None and beat:
             self._check_beat((clock().now_ns() - beat) / _SECOND, beat_limit)
@@ -142,6 +143,7 @@ class Child:
         activity = host().activity(self._process)
         if activity is None or self._suspected is None:
             return clock().late_computer()
+        # It either computes, which shows in its processor time, or waits for a core.
         since, earlier = self._suspected
         if activity.state != "R":
             return f": {_STATES[activity.state]}" if activity.state in _STATES else ""

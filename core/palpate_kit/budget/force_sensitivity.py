@@ -233,6 +233,7 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     Samples at the ends that have no motion are left out; None where fewer than two of the last have one, or the states
     change too fast for the samples.
     """
+    # Of the latest samples, those from the first to the last whose motion is known.
     known_rows = np.flatnonzero(np.isfinite(tail.position[-_MAX_SAMPLES:]) & np.isfinite(tail.velocity[-_MAX_SAMPLES:]))
     if not len(known_rows):
         return None

@@ -123,6 +123,7 @@ def _of_curvature(sensitivity: Along, settings: AlignmentSettings, report: Align
     turned = report.turned
     if turned is None or not turned.curvature:
         return
+    # The share at the curvature, and at the curvature and its uncertainty, of both principal directions alike.
     pairs = np.array([[turned.curvature] * 2, [turned.curvature + turned.curvature_std] * 2])
     shares = sensitivity.model.curved_share(pairs, np.full(2, float(sensitivity.depth.mean())))
     if shares is not None and np.isfinite(shares).all():
@@ -142,6 +143,7 @@ def _of_law(sensitivity: Along) -> Iterator[Term]:
     if not (error := sensitivity.model.law_error):
         return
     place = np.sqrt(np.clip(sensitivity.depth / sensitivity.depth.max(), 0.0, 1.0))
+    # sqrt(2) gives a cosine the mean square 1; the four are as one uncertainty, combined below.
     waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVES)]
     shifts = [sensitivity.shifts(error / _COVERAGE * wave * sensitivity.force / math.sqrt(_WAVES)) for wave in waves]
     determined = [shift for shift in shifts if shift is not None]

@@ -108,11 +108,13 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) 
     completed = _distributed().as_completed(loop=client.loop)
     try:
         while True:
+            # Each worker holds so many tasks that it never waits for the scheduler.
             for task in islice(waiting, max(_AHEAD * max(len(watch.workers), 1) - len(running), 0)):
                 completed.add(submitted(task))
             if not running:
                 watch.look(at_once=True)  # whoever came last may have worked before the next look
                 return
+            # While nothing is done, see whether anybody works.
             while not completed.has_ready():
                 watch.look()
                 time.sleep(_LOOK)

@@ -29,6 +29,7 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
     suspects: deque[tuple[Job, int]] = deque()  # and how many processes died while each ran
     while waiting or suspects:
         if waiting:
+            # Those that ran when a process died are suspects, and run by themselves.
             suspects.extend([(job, 1) for job in (yield from _pooled(waiting, count))])
             continue
         job, deaths = suspects.popleft()

@@ -163,6 +163,7 @@ class ArmModel(Settings):
         q = np.array(near, float)
         for _ in range(steps):
             current, jacobian = self.tip(q.tolist(), tcp)
+            # The error of the pose as a twist: J dq = error.
             translation = pose[:3, 3] - current[:3, 3]
             rotation = rotation_vector(pose[:3, :3] @ current[:3, :3].T)
             error = np.concatenate([translation, rotation])

@@ -50,6 +50,7 @@ def _stands_with_tip(force: Floats, height: Floats, limited: NDArray[np.bool_], 
     digit = LastDigit.of(force[limited | free])
     if not digit.exceeds_noise(force[free]):
         return False
+    # The force that the way of the tip would have changed by, with the slope in the upper half.
     upper = free & (force > _UPPER_HALF * float(np.max(force[free])))
     way = float(np.ptp(height[upper]))
     slope = (float(np.ptp(force[upper])) + digit.step) / way if way > 0.0 else np.inf

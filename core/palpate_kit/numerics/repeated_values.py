@@ -37,6 +37,7 @@ def std_of_mean(values: Floats) -> float:
     if len(values) < 2:
         return math.nan
     is_known = len(values) >= CORRELATED_FROM
+    # Correlated neighbours count as fewer values; negative correlation is not trusted to count as more.
     r = min(max(neighbour_correlation(values), 0.0), MAX_CORRELATION) if is_known else 0.0
     return float(np.std(values, ddof=1)) / math.sqrt(len(values)) * math.sqrt((1 + r) / (1 - r))
 

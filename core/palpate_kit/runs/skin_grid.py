@@ -55,6 +55,7 @@ def _axis(coordinates: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArra
     A triangle (m, 3) is half a cell of the grid, and as wide as that; coordinates [m] of vertices are on the grid but
     for um.
     """
+    # Most triangles are as wide as a cell: the median ignores those at an edge.
     low, high = float(coordinates.min()), float(coordinates.max())
     step = float(np.median(np.ptp(coordinates[faces], axis=1)))
     max_steps = max(len(coordinates) - 1, 1)  # steps, whatever a damaged file says

@@ -96,6 +96,7 @@ class ArmStop:
         self.trip(text)
         if device not in self.moving:
             return
+        # The arm stands where its driver says so, or where states since the stop show it.
         stands = not isinstance(error, UnstoppedArmError) and (
             self._tip.shows_rest or (isinstance(error, DeviceError) and error.arm_stands)
         )
@@ -117,6 +118,7 @@ class ArmStop:
             if now - self.calls_for_stop < _REPEATS:
                 self.halt()
             return
+        # It disobeys where the tip goes on inwards, or where an arm that only stops does not stand in time.
         text = self._tip.disobedience(limits)
         if text is None and self._halted is not None and now - self._halted > _BRAKES and not self._tip.shows_rest:
             text = f"; the arm does not obey: it does not stand {_BRAKES:g} s after it was stopped."

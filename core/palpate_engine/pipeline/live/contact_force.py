@@ -65,6 +65,7 @@ class ContactForce:
                 f"{repeats.names[0]} repeats its reading in every digit through the standstill, {len(rows)} times: the "
                 "sensor or its driver is stuck, or its resolution is too coarse to see that it measures; restart it"
             )
+        # Means of the standstill are the tare of each component.
         self.torques = tuple(i for i in self.torques if np.isfinite(rows[:, i]).all())  # others are not measured
         self.torque_tare = rows[:, self.torques].mean(axis=0)
         self.tare = np.nanmean(rows[:, self.components], axis=0)

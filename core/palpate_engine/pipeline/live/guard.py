@@ -141,16 +141,19 @@ class Guard:
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
         """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
+        # Once the arms are done nothing is watched; what was felt until they stood still counts as peak.
         key = (device, batch.stream)
         if self.stop.over.is_set():
             if self.reason is not None and self._force.port.key == key and (tare := self.contact.tare) is not None:
                 self.peak.note(batch.values[:, self.contact.components], tare)  # felt while the arm came to rest
             return
+        # Silence shows in batches without readings as well; all other checks need readings.
         if watched := self._host.has_looked(device):
             self._check_silence(device, batch, attended)
         if not len(batch.time):
             return
         self._check_times(key, batch, watched)
+        # Until the tare is known the readings are those of the standstill.
         for watch in (self._force, self._position, self._velocity):
             if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.add_standstill(batch)
@@ -206,6 +209,7 @@ class Guard:
         if self.contact.tare is None:
             self.contact.rest(batch)
             return
+        # Every component counts: a tip that is pushed sideways is in contact, too.
         values = batch.values[:, self.contact.components]
         if (fault := self.contact.fault_of(values)) is not None:
             self.trip(fault)

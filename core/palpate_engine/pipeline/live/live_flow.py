@@ -30,6 +30,7 @@ def run_live(flow: Flow) -> None:
     trajectory = single_trajectory(rig) if rig.trajectories else None
     if trajectory is not None:
         check_live_motion(rig, trajectory)
+    # What is refused without a device has been refused; from here on the time of the run counts.
     began, processor_time = clock().now(), clock().processor_time()
     guard = Guard(rig.safety, rig.ports)
     with ExitStack() as stack:
@@ -41,6 +42,7 @@ def run_live(flow: Flow) -> None:
         def account() -> None:
             facts.motion = motion_facts(flow.links, live.links.largest_backlog, guard)
 
+        # The stack undoes this in the opposite order: the guard first, then links and arms, and the facts last.
         stack.callback(account)
         for arm in live.arms.values():
             stack.callback(arm.stop)

@@ -98,6 +98,7 @@ def move(live: LiveRun, retreat: RetreatCheck | None) -> None:
         if live.is_stopped:
             return
     guard.rise.begin_touches()
+    # An error while arms move stops them, and is raised once they stand.
     try:
         for arm in live.arms.values():
             assert trajectory is not None
