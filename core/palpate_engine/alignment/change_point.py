@@ -16,6 +16,8 @@ _GRID_STEPS = np.arange(float(_GRID_SIZE))
 _GRID_LEVELS = 4
 _MIN_SAMPLES = 20  # for the three unknowns of the law; a choice
 _MAX_SAMPLES = 4000  # a choice: more are thinned
+_UNKNOWNS = 3  # of the law: offset, slope and height
+_THIRD_DIFFERENCE = 20.0  # variance of third differences of white noise of variance 1: 1 + 9 + 9 + 1
 # Contact has to begin so far above the deepest sample: by the range of the heights and by their noise, but never
 # farther than a depth that suffices for any robot. Choices.
 _MIN_DESCENT = 2e-3  # of the range of the heights
@@ -63,7 +65,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
 
     # Offset and slope at this height, by linear regression on its shape.
     # Rounding may make the cost of a record without noise negative; the law has three unknowns.
-    variance = max(cost, 0.0) / (len(z) - 3)
+    variance = max(cost, 0.0) / (len(z) - _UNKNOWNS)
     shape = np.maximum(surface - z, 0.0)
     shape *= np.sqrt(shape)
     shape_square = float(((shape - shape.mean()) ** 2).sum())
@@ -124,7 +126,7 @@ def white_noise(values: Floats) -> float:
     The third difference has the variance (1 + 9 + 9 + 1) sigma^2 = 20 sigma^2; any parabola drops out of it.
     """
     third = values[3:] - values[:-3] - 3.0 * (values[2:-1] - values[1:-2])
-    return float(np.sqrt(np.mean(third * third) / 20.0))
+    return float(np.sqrt(np.mean(third * third) / _THIRD_DIFFERENCE))
 
 
 def samples_as_one(residual: Floats, parts: int = _EIGHTHS) -> float:

@@ -48,6 +48,7 @@ def value_and_std(text: object, unit: str) -> tuple[object, str | None]:
     if isinstance(value, str) and unit == "1":
         value = to_si(value, unit)
     size = to_si(value, unit)
+    # Twelve digits, more than anybody states, so that the text has the share to its rounding.
     if stds and unit != "1" and stds[0].endswith("%"):
         stds = [f"{to_si(stds[0], '1') * abs(size):.12g} {unit}"]
     if stds and to_si(stds[0], unit) < 0:

@@ -28,6 +28,7 @@ _MIN_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it 
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings (0326)
 _MIN_ELAPSED = 1e-9  # [s] guards against a division by 0
 _COMMANDED: Final = 4  # column of a row
+_DIFFERENCES = 2  # order of the differences that show noise: a smooth rise drops out; so many readings are carried over
 
 
 class RiseWatch:
@@ -68,7 +69,7 @@ class RiseWatch:
         if self.contact.mean is not None:
             self._has_reached_set_force |= self.contact.mean > _AT_SET_FORCE * self._sound.set_force
         joined = np.concatenate([self._tail, forces])
-        self._tail = joined[-2:]
+        self._tail = joined[-_DIFFERENCES:]
         if self.contact.foot is None:
             self._forget()
             return None
@@ -88,7 +89,7 @@ class RiseWatch:
         The noise is the mean square of second differences, from which a smooth rise drops out.
         """
         usual = self._sound.roughness
-        second = np.diff(readings, 2)
+        second = np.diff(readings, _DIFFERENCES)
         self._rough, self._differences = self._rough + float(second @ second), self._differences + len(second)
         if self._differences < _BLOCK:
             return None
