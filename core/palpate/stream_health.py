@@ -139,11 +139,11 @@ class Health:
         self.lowest = min(self.lowest, float(values[before:].min(initial=np.inf)))
         self.highest = max(self.highest, float(values[before:].max(initial=-np.inf)))
         # Third differences that need a new reading, but for those of equal readings, counted by their size.
-        first = np.diff(values[max(before - _ORDER, 0) :])
-        if len(first) < _ORDER:
+        changes = np.diff(values[max(before - _ORDER, 0) :])
+        if len(changes) < _ORDER:
             return
-        third = np.abs(np.diff(first, 2))
-        moving = third[(first[2:] != 0.0) | (first[1:-1] != 0.0) | (first[:-2] != 0.0)]
+        third_differences = np.abs(np.diff(changes, _ORDER - 1))
+        moving = third_differences[(changes[2:] != 0.0) | (changes[1:-1] != 0.0) | (changes[:-2] != 0.0)]
         sizes = np.floor(_BINS * np.log2(np.maximum(moving, np.finfo(float).tiny))).astype(int)
         bins, counts = np.unique(sizes, return_counts=True)
         self._third_differences.update(dict(zip(bins.tolist(), counts.tolist(), strict=True)))

@@ -41,17 +41,18 @@ class _Base(NamedTuple):
     dimensions: Mapping[str, int]
 
 
-def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
-    """Return units by the symbols and the words that take prefixes, and by the names that take none."""
-    symbols, spelled_out, fixed = dict[str, _Base](), dict[str, _Base](), dict[str, _Base]()
-    # Those of SI, with prefixes.
-    force, pressure = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+_FORCE, _PRESSURE = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+
+
+def _prefixed_units() -> tuple[dict[str, _Base], dict[str, _Base]]:
+    """Return the units that take prefixes, by their symbols and by their words: those of SI, bar and poise."""
+    symbols, words_of_units = dict[str, _Base](), dict[str, _Base]()
     for symbol, spelled, dimensions in (
         ("m", ("meter", "metre"), {"m": 1}),
         ("g", ("gram",), {"kg": 1}),
         ("s", ("second", "sec"), {"s": 1}),
-        ("N", ("newton",), force),
-        ("Pa", ("pascal",), pressure),
+        ("N", ("newton",), _FORCE),
+        ("Pa", ("pascal",), _PRESSURE),
         ("Hz", ("hertz",), {"s": -1}),
         ("rad", ("radian",), {"rad": 1}),
         ("J", ("joule",), {"kg": 1, "m": 2, "s": -2}),
@@ -61,12 +62,18 @@ def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
         ("Ω", ("ohm",), {"kg": 1, "m": 2, "s": -3, "A": -2}),
         ("K", ("kelvin",), {"K": 1}),
     ):
-        base = _Base(1, 1000 if symbol == "g" else 1, dimensions)
+        base = _Base(1, 1000 if symbol == "g" else 1, dimensions)  # a gram is 1/1000 of the unit of SI
         symbols[symbol] = base
-        spelled_out |= {name: base for singular in spelled for name in (singular, f"{singular}s")}
+        words_of_units |= {name: base for singular in spelled for name in (singular, f"{singular}s")}
     # 1e5 Pa, and the poise of the CGS system, 0.1 Pa s.
-    symbols["bar"] = _Base(100_000, 1, pressure)
-    symbols["P"] = spelled_out["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
+    symbols["bar"] = _Base(100_000, 1, _PRESSURE)
+    symbols["P"] = words_of_units["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
+    return symbols, words_of_units
+
+
+def _fixed_units() -> dict[str, _Base]:
+    """Return the units that take no prefix, by name."""
+    units = dict[str, _Base]()
     # Standard gravity [1e-5 m/s^2] and the avoirdupois pound [1e-8 kg], both exact by definition, as is the inch of
     # 25.4 mm.
     gravity, pound = 980_665, 45_359_237
@@ -80,18 +87,19 @@ def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
         (("ft", "foot", "feet"), 3048, 10_000, {"m": 1}),
         (("micron", "microns"), 1, 10**6, {"m": 1}),
         (("lb", "pound", "pounds"), pound, 10**8, {"kg": 1}),
-        (("gf",), gravity, 10**8, force),
-        (("kgf",), gravity, 10**5, force),
-        (("lbf",), pound * gravity, 10**13, force),
-        (("dyn", "dyne"), 1, 10**5, force),
-        (("psi",), pound * gravity * 10_000**2, 10**13 * 254**2, pressure),
+        (("gf",), gravity, 10**8, _FORCE),
+        (("kgf",), gravity, 10**5, _FORCE),
+        (("lbf",), pound * gravity, 10**13, _FORCE),
+        (("dyn", "dyne"), 1, 10**5, _FORCE),
+        (("psi",), pound * gravity * 10_000**2, 10**13 * 254**2, _PRESSURE),
         (("%", "percent"), 1, 100, {}),
     ):
-        fixed |= dict.fromkeys(names, _Base(over, under, dimensions))
-    return symbols, spelled_out, fixed
+        units |= dict.fromkeys(names, _Base(over, under, dimensions))
+    return units
 
 
-_BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX = _table()
+_BY_SYMBOL, _BY_WORD = _prefixed_units()
+_WITHOUT_PREFIX = _fixed_units()
 
 
 def is_one_unit(written: str) -> bool:

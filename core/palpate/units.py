@@ -205,12 +205,13 @@ class Quantity:
         size = abs(number)
         if size == 0 or lowest <= size <= highest or not math.isfinite(size):
             return ""
+        # The likely unit, where the number is plausible in that.
         factor = read_unit(quantity.meant).factor if quantity.meant else 0.0
-        meant = ", which is implausible"
+        hint = ", which is implausible"
         if lowest <= size * factor <= highest:
-            meant = f'; did you mean "{number:g} {quantity.meant}"?'
-        read = f"{number:g} {self.unit}"
-        return f'{number:g} without a unit is {read}{meant} (write "{read}" where it is meant)'
+            hint = f'; did you mean "{number:g} {quantity.meant}"?'
+        in_si = f"{number:g} {self.unit}"
+        return f'{number:g} without a unit is {in_si}{hint} (write "{in_si}" where it is meant)'
 
     def _validate(self, value: Any) -> float:
         try:

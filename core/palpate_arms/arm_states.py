@@ -59,25 +59,26 @@ class ArmStates:
     def batches(self, rows: Floats) -> Iterator[Batch]:
         """Yield a batch of each stream from rows of the ring (n, columns)."""
         layout = self._rows
-        stamps, controller, received = self._times(rows)
+        # The newest state, for whoever asks where the arm is.
+        stamps, controller_times, arrivals = self._times(rows)
         pose, twist = self._kinematics(rows)
         if len(rows):
             self.position, self.joints = pose[-1, :3], rows[-1, layout["joints"]].tolist()
             self.rotation = matrix_of(rows[-1, self._pose].tolist())[:3, :3]
-            self._first, self._last = self._first or int(controller[0]), int(controller[-1])
+            self._first, self._last = self._first or int(controller_times[0]), int(controller_times[-1])
         self.count += len(rows)
         # Columns of each stream, in the order of the settings.
-        status = np.column_stack([controller / _SECOND, rows[:, layout["status"]]])
+        status = np.column_stack([controller_times / _SECOND, rows[:, layout["status"]]])
         joints = rows[:, layout.span("joints", "joint_speeds")]
         columns = (pose, twist, joints, rows[:, layout["setpoint"]], rows[:, layout["force"]], status)
         for stream, values in zip(self._settings.streams, columns, strict=True):
-            yield Batch(stream.name, stamps, received, np.ascontiguousarray(values))
+            yield Batch(stream.name, stamps, arrivals, np.ascontiguousarray(values))
 
     def _times(self, rows: Floats) -> tuple[Whole, Whole, Whole]:
         """Return times (n,) [ns] of states, by the host's clock and the controller's, and those of their arrival."""
-        received = integers(rows, self._rows.at("host")) + epoch_offset()
-        controller = integers(rows, self._rows.at("controller"))
-        return self.clock.to_host(controller, received), controller, received
+        arrivals = integers(rows, self._rows.at("host")) + epoch_offset()
+        controller_times = integers(rows, self._rows.at("controller"))
+        return self.clock.to_host(controller_times, arrivals), controller_times, arrivals
 
     def _kinematics(self, rows: Floats) -> tuple[Floats, Floats]:
         """Return pose (n, 7), a place and a quaternion, and twist (n, 6) of the tip in the work frame."""

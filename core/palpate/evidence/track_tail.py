@@ -75,6 +75,7 @@ class Tail:
         Steps are those between the means of parts of the tail. A walk with variance q per second has, over a stretch of
         length T, a least-squares slope of variance 1.2 q/T; the means of parts of length h differ by 2/3 q h.
         """
+        # Means of the parts of the tail, and the variance of the steps between them.
         parts = [part for part in np.array_split(np.arange(len(self.time)), _PARTS) if len(part)]
         means = np.array([values[part].mean(axis=0) for part in parts])
         span = float(self.time[-1] - self.time[0])
@@ -83,7 +84,7 @@ class Tail:
         steps = np.diff(means, axis=0)
         steps = steps - steps.mean(axis=0)  # their common part is the slope in question
         square = (steps**2).sum(axis=0) / (len(steps) - 1)
-        # 1.2 q/T with T the span, q = 3/2 square/h and h = T/parts.
+        # The slope's variance 1.2 q/T with T the span, q = 3/2 square/h and h = T/parts.
         return np.asarray(np.sqrt(_SLOPE_VARIANCE * _RATE_BY_STEPS * square * len(means)) / span)
 
     def force_rms(self, tip_mass: float) -> float:
