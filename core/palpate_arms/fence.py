@@ -21,13 +21,22 @@ from palpate_arms.station_plane import LEVEL, StationExtremes
 from palpate_arms.tool_turns import fastest_turn, turning
 from palpate_arms.tracking_error import TrackingError, length, mm
 
+# Choices. Of commands and measured states:
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
-_MORE = 1.2  # what a command may do for a moment, in limits
-_SLACK = 4e-3  # [m/s] of noise in one command
-_EXCESS = 2e-3  # [m/s] of noise in a measured speed
+_MOMENT_SHARE = 1.2  # of the speed limit, for a moment: two steps of the kit's own ways in one tick are below it (0151)
+_COMMAND_NOISE = 4e-3  # [m/s] in one command
+_MEASURED_NOISE = 2e-3  # [m/s] in a measured speed
+_MEAN_SHARE, _MEAN_NOISE = 1.1, 1e-3  # of the speed limit, and [m/s], for the mean over the window
 _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
-_SUDDEN = 1.5
-_ASKEW = 1.5  # limits between a measured tool and the normal; a command has one, and the arm follows it within one
+_ACCELERATION_SHARE = 1.5  # of the limit, for the change between two windows
+_TURN_SHARE, _TURN_NOISE = 1.05, 1e-3  # of the angular speed limit, and [rad/s]
+_ORIENTATION_SHARE = 1.01  # of the limit, for a commanded tool
+_TOOL_SHARE = 1.5  # of the limit, for a measured tool: a command has one, and the arm follows it within one
+# Of setpoints, which are checked as they are: rounding of positions and of their differences.
+_PLAN_SHARE, _PLAN_ROUNDING = 1.001, 1e-6  # of a limit of speed or angle, and [m], [m/s], [rad/s]
+_PLAN_ACCELERATION_SHARE, _PLAN_ACCELERATION_ROUNDING = 1.01, 1e-3  # of the limit, and [m/s^2]
+_PLAN_ANGLE_ROUNDING = 1e-5  # [rad]
+_MM = 1e3  # per metre
 
 
 class Fence:
@@ -50,7 +59,7 @@ class Fence:
         self.begin(np.zeros(3))
 
     def begin(self, command: Floats) -> None:
-        """A motion begins, from rest."""
+        """Begin a motion, from rest."""
         self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
         self._speeds.clear()
         self._following.begin(command)
@@ -61,7 +70,7 @@ class Fence:
 
     @property
     def lead(self) -> float:
-        """How far [m] a command may be ahead of the tip: by what the allowed speed makes of the servo's lag.
+        """The distance [m] that a command may be ahead of the tip: the allowed speed times the servo's lag.
 
         So much at most the arm leaps where it has been held and comes free, and a law that integrates cannot wind up
         further. An arm whose controller gives way to a force is behind its command by that as well.
@@ -76,51 +85,55 @@ class Fence:
         return float(min(self._tracking, max(way, STATIC_ERROR) + self.give))
 
     def table(self, rows: Floats) -> Verdict | None:
-        """Rows (n, 16) of a plan, before anything moves."""
+        """Return the limit that rows (n, 16) of a plan break, before anything moves; None where they keep all."""
         if not np.isfinite(rows).all():
             return Verdict("a setpoint is not a finite number")
         if self.limits is None:
             return None
+        # The box, then speed and acceleration: of the positions and of the stated velocities.
         low, high = np.array(self.limits["low"]), np.array(self.limits["high"])
         position, stated = rows[:, SETPOINT["position"]], rows[:, SETPOINT["velocity"]]
-        if (verdict := self._outside(position, low - 1e-6, high + 1e-6, "a setpoint")) is not None:
+        if (verdict := self._outside(position, low - _PLAN_ROUNDING, high + _PLAN_ROUNDING, "a setpoint")) is not None:
             return verdict
-        moved = np.diff(position, axis=0) / PERIOD
-        for what, velocity in (("the setpoints move", moved), ("the setpoints state that they move", stated)):
+        by_positions = np.diff(position, axis=0) / PERIOD
+        for subject, velocity in (("the setpoints move", by_positions), ("the setpoints state that they move", stated)):
             fastest = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
-            if fastest > self.limits["speed"] * 1.001 + 1e-6:
-                return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
-            sudden = np.linalg.norm(np.diff(velocity, axis=0), axis=1).max(initial=0.0) / PERIOD
-            if sudden > self.limits["acceleration"] * 1.01 + 1e-3:
-                limit = self.limits["acceleration"]
-                return Verdict(f"the setpoints accelerate at {sudden:.2f} m/s^2, over the limit of {limit:g} m/s^2")
+            if fastest > self.limits["speed"] * _PLAN_SHARE + _PLAN_ROUNDING:
+                return Verdict(f"{subject} at {_MM * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
+            acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1).max(initial=0.0) / PERIOD
+            limit = self.limits["acceleration"]
+            if acceleration > limit * _PLAN_ACCELERATION_SHARE + _PLAN_ACCELERATION_ROUNDING:
+                return Verdict(
+                    f"the setpoints accelerate at {acceleration:.2f} m/s^2, over the limit of {limit:g} m/s^2"
+                )
         return self._turns(rows)
 
     def _turns(self, rows: Floats) -> Verdict | None:
-        """How the tool of rows (n, 16) turns, and how it stands to the planes of their stations; their depths."""
+        """Return the limit that rows (n, 16) break by turns, angles to the planes of their stations, or depths."""
         assert self.limits is not None
-        fastest, most = fastest_turn(rows[:, PLAN["turn"]]), self.limits["angular_speed"]
-        if fastest > most * 1.001 + 1e-6:
-            text = f"{math.degrees(fastest):.1f} deg/s, over the limit of {math.degrees(most):g} deg/s"
+        fastest, limit = fastest_turn(rows[:, PLAN["turn"]]), self.limits["angular_speed"]
+        if fastest > limit * _PLAN_SHARE + _PLAN_ROUNDING:
+            text = f"{math.degrees(fastest):.1f} deg/s, over the limit of {math.degrees(limit):g} deg/s"
             return Verdict(f"the setpoints turn the tool at {text}")
-        extremes, most = StationExtremes.of(rows, self._work), self.limits["orientation"]
+        extremes, limit = StationExtremes.of(rows, self._work), self.limits["orientation"]
         if not extremes.are_planes:
             return Verdict("the normal of a station is not of length 1")
-        if extremes.angle > most * 1.001 + 1e-5:
-            text = f"{math.degrees(extremes.angle):.1f} deg off its normal, over {math.degrees(most):g} deg"
+        if extremes.angle > limit * _PLAN_SHARE + _PLAN_ANGLE_ROUNDING:
+            text = f"{math.degrees(extremes.angle):.1f} deg off its normal, over {math.degrees(limit):g} deg"
             return Verdict(f"a setpoint has the tool {text}")
-        return self._too_deep(extremes.depth, 1e-6, "a setpoint")
+        return self._too_deep(extremes.depth, _PLAN_ROUNDING, "a setpoint")
 
-    def _too_deep(self, depth: float, slack: float, what: str) -> Verdict | None:
-        most = math.inf if self.limits is None else self.limits.get("depth", math.inf)
-        if depth <= most + slack:
+    def _too_deep(self, depth: float, slack: float, subject: str) -> Verdict | None:
+        """Return a depth [m] below the plane that is over the limit by more than a slack [m]; else None."""
+        limit = math.inf if self.limits is None else self.limits.get("depth", math.inf)
+        if depth <= limit + slack:
             return None
-        return Verdict(f"{what} is {mm(depth)} below the surface, over the limit of {mm(most)}")
+        return Verdict(f"{subject} is {mm(depth)} below the surface, over the limit of {mm(limit)}")
 
     def command(
-        self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool = False
+        self, command: Floats, turn: Floats, previous: tuple[Floats, Floats], state: ArmState, leaving: bool = False
     ) -> Verdict | None:
-        """Judge a command before it is sent, after the one `before` (position and turn).
+        """Judge a command before it is sent, after the `previous` one (position and turn).
 
         An arm that is `leaving` the material brakes first: that may carry it over the box.
         """
@@ -131,52 +144,54 @@ class Fence:
         return (
             verdict
             or (None if leaving else self._too_deep(-self.plane.height(command), _MARGIN, "a command"))
-            or self._speeds_of(command, turn, before, leaving)
-            or self._from_arm(command, turn, before, seen, leaving)
+            or self._speeds_of(command, turn, previous, leaving)
+            or self._from_arm(command, turn, previous, state, leaving)
         )
 
     def taken_back(self) -> None:
-        """The latest command was not sent."""
+        """Take back the latest command, which was not sent."""
         self._commands.pop()
 
-    def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
+    def in_motion(self, command: Floats, state: ArmState) -> Verdict | None:
         """Judge the robot's own state, on the approach or in the motion."""
-        if (text := self._following.complaint(command, seen.position, seen.fresh, self.give)) is not None:
+        if (text := self._following.complaint(command, state.position, state.fresh, self.give)) is not None:
             return Verdict(text, False)
         if self.limits is None:
             return None
-        verdict = self._out_of_box(seen.position.tolist(), "the tip")
-        verdict = verdict or self._too_deep(-self.plane.height(seen.position), _MARGIN, "the tip")
-        if (angle := self.plane.off_tool(seen.rotation, self._work)) > _ASKEW * self.limits["orientation"]:
-            most = math.degrees(self.limits["orientation"])
-            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the normal, over {most:g} deg", False)
-        self._speeds.append(seen.velocity)
+        # Box and depth; then orientation and speed, by which an arm is not trusted any more.
+        verdict = self._out_of_box(state.position.tolist(), "the tip")
+        verdict = verdict or self._too_deep(-self.plane.height(state.position), _MARGIN, "the tip")
+        if (angle := self.plane.off_tool(state.rotation, self._work)) > _TOOL_SHARE * self.limits["orientation"]:
+            limit = math.degrees(self.limits["orientation"])
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the normal, over {limit:g} deg", False)
+        self._speeds.append(state.velocity)
         speed = length(sum(self._speeds, np.zeros(3))) / len(self._speeds)
-        if len(self._speeds) == _WINDOW and speed > _MORE * self.limits["speed"] + _EXCESS:
-            return Verdict(f"the tip moves at {1e3 * speed:.1f} mm/s: the limit is {mm(self.limits['speed'])}/s", False)
+        if len(self._speeds) == _WINDOW and speed > _MOMENT_SHARE * self.limits["speed"] + _MEASURED_NOISE:
+            return Verdict(f"the tip moves at {_MM * speed:.1f} mm/s: the limit is {mm(self.limits['speed'])}/s", False)
         return verdict
 
-    def in_retraction(self, seen: ArmState) -> Verdict | None:
+    def in_retraction(self, state: ArmState) -> Verdict | None:
         """Judge the robot's own state while it leaves faster than it may move otherwise."""
         if self._outward_limit is None:
             return None
-        self._speeds.append(seen.velocity)
+        self._speeds.append(state.velocity)
         velocity = sum(self._speeds, np.zeros(3)) / len(self._speeds)
-        if len(self._speeds) < _WINDOW or not self._is_over(velocity, _EXCESS, True):
+        if len(self._speeds) < _WINDOW or not self._is_over(velocity, _MEASURED_NOISE, True):
             return None
         return Verdict(
-            f"the tip leaves at {1e3 * length(velocity):.1f} mm/s: the limit is {mm(self._outward_limit)}/s outwards "
+            f"the tip leaves at {_MM * length(velocity):.1f} mm/s: the limit is {mm(self._outward_limit)}/s outwards "
             f"([safety] retract_speed), and {mm(self._speed_limit)}/s otherwise",
             False,
         )
 
     @property
     def _speed_limit(self) -> float:
+        """The limit of the speed [m/s]; infinite without one."""
         return math.inf if self.limits is None else float(self.limits["speed"])
 
     @property
     def _outward_limit(self) -> float | None:
-        """[m/s] of a retraction, where one is stated that exceeds the speed of the motion."""
+        """The limit [m/s] of a retraction, where one is stated that exceeds the speed of the motion; else None."""
         limit = 0.0 if self.limits is None else self.limits.get("retract_speed", 0.0)
         return limit if limit > self._speed_limit else None
 
@@ -185,74 +200,94 @@ class Fence:
 
         In a retraction the part outwards along the normal has a limit of its own, if one is stated.
         """
-        most, outward_limit = self._speed_limit, self._outward_limit
+        limit, outward_limit = self._speed_limit, self._outward_limit
         if leaving and outward_limit is not None and (outwards := float(velocity @ self.plane.normal)) > 0.0:
-            if outwards > _MORE * outward_limit + noise:
+            if outwards > _MOMENT_SHARE * outward_limit + noise:
                 return True
             velocity = velocity - outwards * self.plane.normal
-        return length(velocity) > _MORE * most + noise
+        return length(velocity) > _MOMENT_SHARE * limit + noise
 
-    def _outside(self, position: Floats, low: Floats, high: Floats, what: str) -> Verdict | None:
+    def _outside(self, position: Floats, low: Floats, high: Floats, subject: str) -> Verdict | None:
+        """Return the first axis along which positions (n, 3) [m] are out of a box, `low` to `high` (3,); or None."""
         assert self.limits is not None
         for axis, name in enumerate("xyz"):
-            least, most = float(position[:, axis].min()), float(position[:, axis].max())
-            for value, wrong, key in ((least, least < low[axis], "low"), (most, most > high[axis], "high")):
-                if wrong:
-                    way, limit = "below" if key == "low" else "above", self.limits[key][axis]
-                    return Verdict(f"{what} is at {name} = {1e3 * value:.2f} mm, {way} the limit of {mm(limit)}")
+            lowest, highest = float(position[:, axis].min()), float(position[:, axis].max())
+            if lowest < low[axis]:
+                limit = mm(self.limits["low"][axis])
+                return Verdict(f"{subject} is at {name} = {_MM * lowest:.2f} mm, below the limit of {limit}")
+            if highest > high[axis]:
+                limit = mm(self.limits["high"][axis])
+                return Verdict(f"{subject} is at {name} = {_MM * highest:.2f} mm, above the limit of {limit}")
         return None
 
-    def _out_of_box(self, place: list[float], what: str) -> Verdict | None:
-        """One place, which may lead or swing a little; plain floats, for numpy takes ten times as long."""
+    def _out_of_box(self, place: list[float], subject: str) -> Verdict | None:
+        """Return the first axis along which a place (3,) [m] is out of the box by more than a margin; else None.
+
+        By plain floats, for numpy takes ten times as long.
+        """
         if self.limits is None:
             return None
         for x, low, high, name in zip(place, self.limits["low"], self.limits["high"], "xyz", strict=True):
             if not low - _MARGIN <= x <= high + _MARGIN:
                 way, limit = ("below", low) if x < low else ("above", high)
-                return Verdict(f"{what} is at {name} = {1e3 * x:.2f} mm, {way} the limit of {mm(limit)}")
+                return Verdict(f"{subject} is at {name} = {_MM * x:.2f} mm, {way} the limit of {mm(limit)}")
         return None
 
-    def _speeds_of(self, command: Floats, turn: Floats, before: tuple[Floats, Floats], leaving: bool) -> Verdict | None:
+    def _speeds_of(
+        self, command: Floats, turn: Floats, previous: tuple[Floats, Floats], leaving: bool
+    ) -> Verdict | None:
+        """Return the limit that a command breaks by its speed, its acceleration or its turn; the last of these.
+
+        The mean speed is that over a window, the acceleration its change from the window before.
+        """
         if self.limits is None:
             return None
         verdict = None
         limit, past = self.limits["speed"], self._commands
-        velocity = (command - before[0]) / PERIOD
+        velocity = (command - previous[0]) / PERIOD
         mean = (past[-1] - past[-1 - _WINDOW]) / (_WINDOW * PERIOD)
-        if self._is_over(velocity, _SLACK, leaving) or (length(mean) > 1.1 * limit + 1e-3 and not leaving):
-            text = f"{1e3 * length(velocity):.1f} mm/s: the limit is {mm(limit)}/s"
+        if self._is_over(velocity, _COMMAND_NOISE, leaving) or (
+            length(mean) > _MEAN_SHARE * limit + _MEAN_NOISE and not leaving
+        ):
+            text = f"{_MM * length(velocity):.1f} mm/s: the limit is {mm(limit)}/s"
             verdict = Verdict(f"a command would move the tip at {text}")
-        earlier = (past[-1 - _WINDOW] - past[0]) / (_WINDOW * PERIOD)
-        sudden = length(mean - earlier) / (_WINDOW * PERIOD)
-        most = max(self.limits["acceleration"], self._acceleration)
-        if sudden > _SUDDEN * most and not leaving:
-            verdict = Verdict(f"commands accelerate the tip at {sudden:.2f} m/s^2: the limit is {most:g} m/s^2")
-        pace = length(turning(turn, before[1]))
-        if pace > 1.05 * self.limits["angular_speed"] + 1e-3:
-            most = math.degrees(self.limits["angular_speed"])
-            verdict = Verdict(f"a command would turn the tool at {math.degrees(pace):.1f} deg/s: {most:g} is the limit")
+        earlier_mean = (past[-1 - _WINDOW] - past[0]) / (_WINDOW * PERIOD)
+        acceleration = length(mean - earlier_mean) / (_WINDOW * PERIOD)
+        limit = max(self.limits["acceleration"], self._acceleration)
+        if acceleration > _ACCELERATION_SHARE * limit and not leaving:
+            verdict = Verdict(f"commands accelerate the tip at {acceleration:.2f} m/s^2: the limit is {limit:g} m/s^2")
+        turn_speed = length(turning(turn, previous[1]))
+        if turn_speed > _TURN_SHARE * self.limits["angular_speed"] + _TURN_NOISE:
+            limit = math.degrees(self.limits["angular_speed"])
+            text = f"{math.degrees(turn_speed):.1f} deg/s: {limit:g} is the limit"
+            verdict = Verdict(f"a command would turn the tool at {text}")
         return verdict
 
     def _from_arm(
-        self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
+        self, command: Floats, turn: Floats, previous: tuple[Floats, Floats], state: ArmState, leaving: bool
     ) -> Verdict | None:
-        """Return how far the command is from the arm, and what it asks of its joints."""
-        away, lead = length(command - seen.position), self.lead
+        """Return the limit that a command breaks by its distance from the arm, its orientation, or the joints' ways."""
+        # Position: ahead of the tip by no more than the lead.
+        distance, lead = length(command - state.position), self.lead
         if leaving and self._outward_limit is not None:
             lead = self._lead_at(self._outward_limit)
-        if away > lead:
+        if distance > lead:
             give = f", {mm(self.give)} of it as it gives way" if self.give else ""
-            return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}{give}", False)
+            return Verdict(
+                f"the arm does not follow: it is {mm(distance)} from its command, over {mm(lead)}{give}", False
+            )
+        # Orientation: off the normal, and off the measured tool.
         work = self._work.matrix[:3, :3]
         tool = self._work.tool
-        askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
+        tool_error = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ state.rotation.T)
         limit = self.limits["orientation"] if self.limits is not None else math.inf
-        most = math.degrees(limit)
-        if (angle := self.plane.off_turn(turn, self._work)) > 1.01 * limit and not leaving:
-            what = "the work frame" if self.plane.is_level else "its station"
-            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {what}, over {most:g} deg")
-        if (angle := length(askew)) > limit:
-            return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
-        twist = np.concatenate([work @ (command - before[0]) / PERIOD, tool @ turning(turn, before[1])])
-        error = np.concatenate([work @ (command - seen.position), askew])
-        return self._posture.verdict(twist, error, seen.q, leaving)
+        degrees = math.degrees(limit)
+        if (angle := self.plane.off_turn(turn, self._work)) > _ORIENTATION_SHARE * limit and not leaving:
+            reference = "the work frame" if self.plane.is_level else "its station"
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg off {reference}, over {degrees:g} deg")
+        if (angle := length(tool_error)) > limit:
+            return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {degrees:g} deg", False)
+        # Joints: by the command's twist, and by the error of the arm, both in the base.
+        twist = np.concatenate([work @ (command - previous[0]) / PERIOD, tool @ turning(turn, previous[1])])
+        error = np.concatenate([work @ (command - state.position), tool_error])
+        return self._posture.verdict(twist, error, state.q, leaving)
