@@ -115,7 +115,7 @@ def test_parameters_of_another_kind_are_a_sentence(run):
         (text.replace('"elastic"', '"elastik"'), "parameter 'elasticity': the role is 'elastic', 'viscous' or None"),
         (text.replace('"Pa"', "None"), "parameter 'elasticity': the unit is a text such as 'Pa', not None"),
         (text.replace("parameters = (", "parameters = None and ("), "Own.parameters is not a tuple of Parameter: None"),
-        (text.replace("parameters = (", "others = ("), "(Own), which does not define parameters"),
+        (text.replace("parameters = (", "_others = ("), "(Own), which does not define parameters"),
     ):
         done = run(wrong, 'model.own.type="own"', command="check")
         assert done.returncode == 2
