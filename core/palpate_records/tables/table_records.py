@@ -172,7 +172,7 @@ def _lines_with_letters(file: IO[str], sheet: Sheet) -> Iterator[tuple[int, str]
     for text in chain(above, whole_lines(file)):
         lines = [*io.StringIO(text, newline="")]
         # Whole blocks of numbers have no letter but the e of an exponent.
-        are_exponents = all(text.count(e) == text.count(f"{e}-") + text.count(f"{e}+") for e in "eE")
+        are_exponents = all(text.count(mark) == text.count(f"{mark}-") + text.count(f"{mark}+") for mark in "eE")
         if not are_exponents or any(map(str.isalpha, {*without_digits(text)})):
             yield from ((count + k, line) for k, line in enumerate(lines, 1) if any(map(str.isalpha, line)))
         count += len(lines)
