@@ -30,8 +30,8 @@ def connected(host: str, realtime: str) -> Any:
     except franky.Exception as error:
         if host.startswith(_LOOPBACK):
             raise DeviceError(
-                f"{words_of(error)}: no simulator is ready at {host}: start it by `palpate twin FILE` in another "
-                "terminal, and let no other program use it"
+                f"no simulator is ready at {host}: start it by `palpate twin FILE` in another terminal, and let no "
+                f"other program use it ({words_of(error)})"
             ) from error
         raise DeviceError(
             f"{words_of(error)}: is it switched on, are its joints unlocked and is FCI activated in Desk, and does no "
