@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 
 Whole = NDArray[np.int64]
-EXACT = 1e-9  # [m] of a pose that is computed in full: rounding of its frames, and of joints from a pose and back
+EXACT = 3e-8  # [m], a choice: of a pose that is computed in full; 3 times what an inverse kinematics leaves
 DELAY_STEP = 500_000  # [ns], a choice: between two delays that are tried, a quarter of a period
 FINE = 1e-6  # [m] of a digit, a choice: a quarter of what the tip goes in a period of the retreat
 _FINEST, _COARSEST = 8, 5  # decimal digits of a metre, a choice: in coarser ones every arm is near its command

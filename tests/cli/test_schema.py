@@ -184,7 +184,8 @@ def test_a_validator_names_the_key(validator, point, location, value, complaint)
     assert len(errors[0].absolute_path) >= 2
 
 
-def test_it_is_no_larger_than_with_all_parts_in_each_place():
+def test_it_is_no_larger_than_with_all_parts_in_each_place(monkeypatch):
+    monkeypatch.setenv("PALPATE_PLUGINS", "off")  # each part of another distribution has its own characters
     assert len(json.dumps(pipeline_schema(load()))) <= 652_000
 
 

@@ -418,6 +418,7 @@ SENT = 2_000_000 * np.arange(200)
         (np.vstack([LINE[:1].repeat(7, 0), LINE[:-7]]), 14_000_000),
         (np.round(LINE, 6), 0),
         (np.floor(1e6 * LINE) / 1e6, 0),
+        (LINE + 1e-8 * np.sin(np.arange(200))[:, None], 0),  # by joints that an inverse kinematics has found
         (LINE + 1e-7 * np.sin(np.arange(200))[:, None], None),
         # What passes, by the safety case: a smoothed command, varying delays in digits above 1 um, digits above 10 um.
         (0.5 * (LINE + np.vstack([LINE[:1].repeat(5, 0), LINE[:-5]])), None),

@@ -58,13 +58,14 @@ def plugin_file(tmp_path):
     lines = [line for line in code.splitlines() if line.strip() and not re.match(r'(from|import|#|\s*""")', line)]
     assert len(lines) <= 40
     file = tmp_path / "gauge.py"
-    file.write_text(code)
+    # A name that no installed distribution has: of two claimants of one name neither has the short form.
+    file.write_text(code.replace('"gauge"', '"gauge-of-the-page"'))
     return file
 
 
 @pytest.fixture
 def sensor(plugin_file, gauge):
-    made = registry.load([plugin_file]).parts["device"]["gauge"].part(port=gauge.port, sensor_timeout="2 s")
+    made = registry.load([plugin_file]).parts["device"]["gauge-of-the-page"].part(port=gauge.port, sensor_timeout="2 s")
     assert isinstance(made, Device)
     return made
 
@@ -142,7 +143,9 @@ def test_a_mistake_of_a_reader_is_named_by_method_and_place(plugin_file, gauge, 
     begin = text.index("def read(self, line)")
     begin = text.index("\n", begin) + 1
     plugin_file.write_text(f"{text[:begin]}        {code}\n{text[begin:]}")
-    device = registry.load([plugin_file]).parts["device"]["gauge"].part(port=gauge.port, sensor_timeout="2 s")
+    device = (
+        registry.load([plugin_file]).parts["device"]["gauge-of-the-page"].part(port=gauge.port, sensor_timeout="2 s")
+    )
     with pytest.raises(DeviceError) as caught, device.connect(0) as link:
         for _ in link.batches():
             pass
