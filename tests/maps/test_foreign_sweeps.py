@@ -51,11 +51,10 @@ def write(path, record, names):
         (("height [mm]", "force [N]", "y [mm]"), 1, ("--rate", "250 Hz")),
     ],
 )
-def test_a_table_of_a_sweep_is_a_map_with_its_lump(palpate, record, tmp_path, monkeypatch, names, axis, options):
+def test_a_table_of_a_sweep_is_a_map_with_its_lump(palpate, record, tmp_path, names, axis, options):
     (tmp_path / "work").mkdir()
-    monkeypatch.chdir(tmp_path / "work")
     write(tmp_path / "sweep.csv", record, names)
-    done = palpate("map", Path("..") / "sweep.csv", *TIP, *options, "--json")
+    done = palpate("map", Path("..") / "sweep.csv", *TIP, *options, "--json", cwd=tmp_path / "work")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert (answer["kind"], answer["track"]) == ("sweep", "dr/smoother")
@@ -64,7 +63,7 @@ def test_a_table_of_a_sweep_is_a_map_with_its_lump(palpate, record, tmp_path, mo
     assert abs(lump["place"][axis] - LUMP) < 3 * lump["place_std"][axis] < 3e-3
     assert abs(lump["contrast"] - CONTRAST) < 0.05
     # The log of the run is the table: the track's own response is tried on it.
-    (run,) = Path("runs").iterdir()
+    (run,) = (tmp_path / "work" / "runs").iterdir()
     response = json.loads(palpate("map", "lumps", run, "--json").stdout)["response"]
     assert response["height"] == pytest.approx(1.0, abs=0.05)
     assert abs(response["lag"]) < 2e-4
