@@ -202,7 +202,7 @@ def compare_groups(
     # The mixed model is one fit for all groups that have units enough.
     testable = [group for group in unit_groups if group.units >= FEWEST]
     by_model = mixed_differences({group.name: group.values for group in testable}) if mixed and testable[1:] else {}
-    pairs = []
+    pairs: list[tuple[tuple[str, str], _Numbers]] = []
     for first, second in combinations(unit_groups, 2):
         numbers = by_model.get((first.name, second.name)) if mixed else _welch(first, second)
         pairs.append(_pair(first, second, numbers))

@@ -63,7 +63,7 @@ def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[Ar
         if array.size == 1 and array.dtype.kind in "biufUS":
             facts[path[-1]] = _text(array.ravel()[0])[:_FACT_LENGTH]
         elif array.ndim and len(array) >= _MIN_ROWS:
-            names = _names_of_columns(named, path[:-1], array.shape[1]) if array.ndim == 2 else ()
+            names = _names_of_columns(named, path[:-1], array.shape[-1]) if array.ndim == 2 else ()
             columns |= _columns(path, array, names)
     if _is_repeated(columns):
         columns = _below_groups_of_presses(columns)
