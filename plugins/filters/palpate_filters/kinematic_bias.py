@@ -80,7 +80,7 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
 
     # Update with position, velocity and force, and add each to both sums of the bias.
     information, pull = ca.SX.zeros(q, q), ca.SX.zeros(q)
-    statistics = _ErrorStatistics(P, C, psi, mean)
+    statistics = ErrorStatistics(P, C, psi, mean)
     for measured in _measurements(model, mass, sample, numbers[:k], assumed, real):
         statistics, measured_information, measured_pull = _update(statistics, measured)
         information += measured_information
@@ -96,16 +96,16 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
 
 
 @dataclass(frozen=True)
-class _ErrorStatistics:
+class ErrorStatistics:
     """The covariance that gives the gain, and the statistics of the filter's errors."""
 
-    P: Any  # (n, n) as the filter assumes it
-    C: Any  # (n (1 + q), n (1 + q)) covariance of e and psi~ together
+    P: Any  # (n, n) as the filter assumes it, of n states
+    C: Any  # (n (1 + q), n (1 + q)) covariance of e and psi~ together, by q constants
     psi: Any  # (n, q)
     mean: Any  # (n,) E[e]
 
 
-def _update(before: _ErrorStatistics, measured: _Measurement) -> tuple[_ErrorStatistics, Any, Any]:
+def _update(before: ErrorStatistics, measured: _Measurement) -> tuple[ErrorStatistics, Any, Any]:
     """Return the statistics after a measurement, its psi psi^T/S (q, q), and its (E[psi~ h_m e] + psi h_m E[e])/S."""
     import casadi as ca
 
@@ -131,10 +131,10 @@ def _update(before: _ErrorStatistics, measured: _Measurement) -> tuple[_ErrorSta
     C = congruence(joint, before.C)
     C[:n, :n] += K @ K.T * measured.real_std**2
     P = congruence(reduction, before.P) + K @ K.T * measured.assumed_std**2
-    return _ErrorStatistics(P, C, before.psi - K @ slopes, reduction @ before.mean), information, pull
+    return ErrorStatistics(P, C, before.psi - K @ slopes, reduction @ before.mean), information, pull
 
 
-def _predict(before: _ErrorStatistics, interval: Any, jump: Any, jerk: Any) -> _ErrorStatistics:
+def _predict(before: ErrorStatistics, interval: Any, jump: Any, jerk: Any) -> ErrorStatistics:
     """Return the statistics an interval [s] later, with a jump of the acceleration and the assumed density of jerk.
 
     White jerk drives the filter's gain alone; a constant acceleration misses its jump.
@@ -146,7 +146,7 @@ def _predict(before: _ErrorStatistics, interval: Any, jump: Any, jerk: Any) -> _
     driven = jerk * ca.vertcat(*[ca.horzcat(*powers) for powers in jerk_covariance(T)])
     defect = jump * ca.vertcat(T**2 / 6, T / 2, 1)  # height falls as depth grows
     C = congruence(ca.kron(ca.SX.eye(1 + before.psi.shape[1]), A), before.C)
-    return _ErrorStatistics(congruence(A, before.P) + driven, C, A @ before.psi, A @ before.mean + defect)
+    return ErrorStatistics(congruence(A, before.P) + driven, C, A @ before.psi, A @ before.mean + defect)
 
 
 @dataclass(frozen=True)

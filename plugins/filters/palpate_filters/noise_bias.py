@@ -14,7 +14,7 @@ from palpate_kit.terminal.quantities import number_with_unit
 
 from palpate_filters.covariance import congruence, mirror
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
-from palpate_filters.kinematic_bias import kinematic_bias
+from palpate_filters.kinematic_bias import ErrorStatistics, kinematic_bias
 from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.process_models import InertialProcess
 from palpate_filters.smoother import KinematicSmoother
@@ -161,7 +161,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)
     theta, assumed, real = numbers[:k], numbers[k : k + 2], numbers[k + 2 :]
 
-    before = _NoiseStatistics(P, C, psi, mean)
+    before = ErrorStatistics(P, C, psi, mean)
     updated = _update(before, assumed[1], real[1])
     after, next_memory = _predict(process, updated, sample, theta, memory, (assumed[0], real[0]))
 
@@ -178,17 +178,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     ), Layout(information=k * k, pull=k)
 
 
-@dataclass(frozen=True)
-class _NoiseStatistics:
-    """The covariance that gives the gain, and the statistics of the filter's errors."""
-
-    P: Any  # (nx, nx) as the filter assumes it
-    C: Any  # (nx (1 + k), nx (1 + k)) covariance of e and psi~ together
-    psi: Any  # (nx, k)
-    mean: Any  # (nx,) E[e]
-
-
-def _update(before: _NoiseStatistics, assumed_std: Any, real_std: Any) -> _NoiseStatistics:
+def _update(before: ErrorStatistics, assumed_std: Any, real_std: Any) -> ErrorStatistics:
     """Return the statistics after a measured rate [m/s]: its gain follows from the assumed noise."""
     import casadi as ca
 
@@ -200,12 +190,12 @@ def _update(before: _NoiseStatistics, assumed_std: Any, real_std: Any) -> _Noise
     C = congruence(ca.kron(ca.SX.eye(1 + k), reduction), before.C)
     C[:nx, :nx] += K @ K.T * real_std**2
     P = mirror(congruence(reduction, before.P) + K @ K.T * assumed_std**2)
-    return _NoiseStatistics(P, C, reduction @ before.psi, reduction @ before.mean)
+    return ErrorStatistics(P, C, reduction @ before.psi, reduction @ before.mean)
 
 
 def _predict(
-    process: InertialProcess, before: _NoiseStatistics, sample: Any, theta: Any, memory: Any, force_std: tuple[Any, Any]
-) -> tuple[_NoiseStatistics, Any]:
+    process: InertialProcess, before: ErrorStatistics, sample: Any, theta: Any, memory: Any, force_std: tuple[Any, Any]
+) -> tuple[ErrorStatistics, Any]:
     """Return the statistics and the model's memory at the next sample, along the motion.
 
     The force is that which makes the acceleration of the sample; its noise [N] is assumed and real.
@@ -230,7 +220,7 @@ def _predict(
     P = congruence(slopes.by_state, before.P) + B @ B.T * assumed_std**2
     psi = slopes.by_state @ before.psi + slopes.by_theta
     mean = slopes.by_state @ before.mean + slopes.curvature - defect
-    return _NoiseStatistics(P, C, psi, mean), slopes.next_state[2:]
+    return ErrorStatistics(P, C, psi, mean), slopes.next_state[2:]
 
 
 @dataclass(frozen=True)
