@@ -8,6 +8,7 @@ from collections import deque
 import numpy as np
 from palpate import Floats
 
+from palpate_arms.echoed_pose import EXACT
 from palpate_arms.setpoint_buffer import PERIOD
 
 # Choices. A pose that does not change in any digit:
@@ -15,7 +16,6 @@ _MAX_SAME = 10  # states
 _STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile
 # A pose that is a command:
 _RECENT_COMMANDS = 5  # that it may be
-_EXACT = 1e-9  # [m] from one of them
 _MIN_STEP = 1e-6  # [m] of a command: at rest every pose is its command
 _MAX_COPIES = 25  # states in a row
 # An arm that does not move (0406):
@@ -71,7 +71,7 @@ class TrackingError:
             return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(way)}"
         # A command itself.
         if is_step:
-            is_copy = any(math.dist(place, self._last) < _EXACT for place in self._recent)
+            is_copy = any(math.dist(place, self._last) < EXACT for place in self._recent)
             self._copies = self._copies + 1 if is_copy else 0
         if self._copies >= _MAX_COPIES:
             return "the pose that the arm reports is its command, in every digit: what was measured is needed"

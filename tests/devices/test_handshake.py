@@ -18,6 +18,7 @@ from palpate_arms.obedience import Obedience
 from palpate_arms.servo import Commander
 from palpate_arms.servo_law import own_law, straight_path
 from palpate_arms.station_plane import LEVEL
+from palpate_arms.tracking_error import TrackingError
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 from palpate_testing import simulated_time
 from palpate_trajectories.raster import Raster
@@ -430,6 +431,16 @@ SENT = 2_000_000 * np.arange(200)
 def test_an_echo_is_a_command_in_every_sample(places, late):
     delay = echo_delay(LINE, SENT, places, SENT + 1_000_000, 60_000_000)
     assert (delay is None) if late is None else (abs(delay - late) <= 2_000_000)
+
+
+@pytest.mark.parametrize(("rounding", "is_copy"), [(0.0, True), (1e-8, True), (1e-7, False)])
+def test_a_motion_whose_poses_are_its_commands_is_stopped(rounding, is_copy):
+    """Also where they have gone through the joints, which an inverse kinematics finds within 1e-8 m."""
+    tracking, complaints = TrackingError(0.02), []
+    tracking.begin(LINE[0])
+    for k, command in enumerate(LINE):
+        complaints.append(tracking.complaint(command, command + rounding * math.sin(k + 1) * Z, True))
+    assert any("its command, in every digit" in text for text in complaints if text) == is_copy
 
 
 STIFF = StatedArm(lag=0.02, deadband=0.0, gives_way=False)

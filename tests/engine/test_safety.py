@@ -543,9 +543,7 @@ def test_the_wiring_adds_its_own_delays():
     assert wire_safety(limits(), alignment, {"r": arm, "s": alone}).latency == 0.25
     stated = wire_safety(limits(sensor_delay="9 ms"), alignment, {"r": arm, "s": sensor})
     assert stated.sensor_delay == pytest.approx(0.009)
-    assert not contradictions(limits(), alignment, {"r": arm, "s": sensor})
-    problems = contradictions(limits(stop_force=500.0, force=600.0), alignment, {"r": arm, "s": sensor})
-    assert "ends at 500 N" in problems[0].problem
+    assert not contradictions(alignment, {"r": arm, "s": sensor})
 
 
 def stopped_at(guard, z=-0.002):

@@ -50,6 +50,23 @@ def test_sound_touches_of_what_is_softer_than_stated_go_on(stiffness):
     assert watch_motion(heights, press(stiffness))[0] is None
 
 
+@pytest.mark.parametrize("gap", [0.05, 0.1])
+def test_a_sound_touch_whose_first_readings_are_missing_goes_on(gap):
+    """The force is as stiff as stated, and a busy machine hands over a lump of readings from within the material."""
+    heights = np.concatenate([TRAVEL, descent()])
+    rise, rng, missed = RiseWatch(SOUND), np.random.default_rng(1), []
+    watch = TouchWatch(SOUND, rise.contact, 0.0)
+    touch_time = (len(TRAVEL) + HIGH / (4e-3 * STEP)) * STEP
+    for k, height in enumerate(heights.tolist()):
+        missed.append(press(2.9e3, 1.0)(height, k * STEP) + NOISE * rng.standard_normal(2))
+        if touch_time - 0.01 < k * STEP < touch_time + gap:
+            continue
+        readings, place = np.concatenate(missed), (0.0, 0.0, height)
+        missed.clear()
+        assert rise.add(k * STEP, readings, -height, place) is None
+        assert watch.fault(k * STEP, readings, -height, place, height >= 0.8 * HIGH) is None
+
+
 @pytest.mark.parametrize(("stiffness", "most"), [(9e3, 2.0), (30e3, 2.0), (200e3, 8.0)])
 def test_what_is_stiffer_than_stated_stops_long_before_the_force_that_stops(stiffness, most):
     text, height, force, _ = watch_motion(np.concatenate([TRAVEL, descent(3e-3)]), press(stiffness))

@@ -88,7 +88,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         builder.mistakes += unknown_tracks
     looser = looser_limits(source, safety)
     if safety and alignment and not builder.mistakes:
-        builder.mistakes += contradictions(safety, alignment, kinds["device"])
+        builder.mistakes += contradictions(alignment, kinds["device"])
         safety = wire_safety(safety, alignment, kinds["device"])
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound(kinds)

@@ -28,25 +28,14 @@ def wire_safety(limits: SafetySettings, alignment: AlignmentSettings, devices: M
     return limits.model_copy(update={"sensor_delay": delay, "latency": max(limits.latency, blind)})
 
 
-def contradictions(
-    limits: SafetySettings, alignment: AlignmentSettings, devices: Mapping[str, Device]
-) -> list[Mistake]:
-    """Return a force that the sensor cannot show, and an impossible height."""
-    mistakes, ports = [], _ports(alignment, devices)
-    force, position = ports["force"], ports["position"]
-    if force.limits is not None and limits.stop_force >= (reach := max(map(abs, force.limits))):
-        problem = (
-            f"is {limits.stop_force:g} N, but {force.signal.channel} ends at {reach:g} N: the motion would never be "
-            "stopped by the force"
-        )
-        mistakes.append(Mistake(("safety", "stop_force"), problem))
+def contradictions(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
+    """Return a mistake where the depth of an arm that moves is not along its normal."""
+    position = _ports(alignment, devices)["position"]
     axis = position.stream.channels[position.column].name
-    if position.device in own_motions(devices) and position.stream.layout == "pose" and axis != "z":
-        problem = (
-            f"is {position.signal.channel!r}, but depth is along the normal: expected the z axis of the work frame"
-        )
-        mistakes.append(Mistake(("alignment", "position"), problem))
-    return mistakes
+    if position.device not in own_motions(devices) or position.stream.layout != "pose" or axis == "z":
+        return []
+    problem = f"is {position.signal.channel!r}, but depth is along the normal: expected the z axis of the work frame"
+    return [Mistake(("alignment", "position"), problem)]
 
 
 def _ports(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> Ports:

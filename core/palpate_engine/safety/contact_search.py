@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from palpate.sound_force import SoundForce
@@ -17,6 +18,7 @@ class ContactSearch:
     def __init__(self, sound: SoundForce) -> None:
         self._sound = sound
         self._recent: deque[tuple[float, int, float]] = deque()  # way [m], readings, sum [N]
+        self._way_before = math.inf  # [m] of the readings before those
         self.mean: float | None = None  # [N] of the latest 20 readings; None of fewer
         self.threshold = 0.0  # [N] that counts as contact
         self.foot: float | None = None  # way [m] at which contact began; None in the air
@@ -27,14 +29,16 @@ class ContactSearch:
         # The fewest of the latest batches that have 20 readings.
         readings = sum(row[1] for row in self._recent)
         while readings - self._recent[0][1] >= _READINGS:
-            readings -= self._recent.popleft()[1]
+            self._way_before, count_before, _ = self._recent.popleft()
+            readings -= count_before
         if readings < _READINGS:
             return
         self.mean = sum(row[2] for row in self._recent) / readings
         self.threshold = _SIGNIFICANT * self._sound.standard_error(readings) + self._sound.inertia
-        # Contact began where the first of these readings was taken, for the force had risen by then.
+        # Contact began after the last readings in free air: where others are missing meanwhile, the first in contact
+        # may be from deep within.
         if self.foot is None and self.mean > self.threshold:
-            self.foot = self._recent[0][0]
+            self.foot = min(self._way_before, self._recent[0][0])
         elif self.mean < _LOST * self.threshold:
             self.foot = None
         if self.foot is not None:
