@@ -27,9 +27,14 @@ class Threshold(NamedTuple):
     """A constant of a module, with its comment."""
 
     module: str
-    name: str
+    constants: tuple[str, ...]
     value: str
     comment: str
+
+    @property
+    def name(self) -> str:
+        """The words of the constants' names."""
+        return ", ".join(constant.replace("_", " ").strip().lower() for constant in self.constants)
 
     @property
     def unit(self) -> str:
@@ -69,10 +74,10 @@ def _of_module(path: Path) -> Iterator[Threshold]:
     for node in ast.parse("\n".join(lines)).body:
         if not isinstance(node, ast.Assign) or node.end_lineno is None or not _is_number(node.value):
             continue
-        name = ast.unparse(node.targets[0]).strip("()")
-        if re.fullmatch(r"[_A-Z0-9, ]+", name):
+        names = ast.unparse(node.targets[0]).strip("()")
+        if re.fullmatch(r"[_A-Z0-9, ]+", names):
             comment = lines[node.end_lineno - 1].partition("#")[2].strip()
-            yield Threshold(path.stem, name.replace("_", " ").strip().lower(), ast.unparse(node.value), comment)
+            yield Threshold(path.stem, tuple(names.split(", ")), ast.unparse(node.value), comment)
 
 
 def _is_number(value: ast.expr) -> bool:
