@@ -19,11 +19,11 @@ from palpate_commands.acceptance.measurement import (
 from palpate_commands.acceptance.observer import RunRecord
 from palpate_commands.acceptance.outcome import Allowed, Outcome
 from palpate_commands.acceptance.page import Acceptance
-from palpate_commands.acceptance.protocol import AcceptanceProtocol
 from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import all_visits
 from palpate_commands.acceptance.strokes_run import FORCE, StrokesRun, row_type
 from palpate_commands.acceptance.watched_arm import WatchedArm
+from palpate_commands.acceptance.watched_run import WatchedRun
 from palpate_devices.ur.device import UR
 from palpate_engine import load_pipeline
 from palpate_engine.cli import call
@@ -91,8 +91,8 @@ def test_a_sound_rig_passes(simulated, tmp_path):
     names = ["free-air/estop", "free-air/safeguard", "free-air/cable", "foam/force"]
     found, said = go_through(simulated(*SHORT, "twin.bench.height=10 mm"), tmp_path / "a", names)
     assert {name: outcome.problems for name, outcome in found.items()} == dict.fromkeys(names, ())
-    assert "safeguard stop" in found["free-air/safeguard"].told
-    assert "over the limit of 3 N" in found["foam/force"].told
+    assert "safeguard stop" in found["free-air/safeguard"].report
+    assert "over the limit of 3 N" in found["foam/force"].report
     assert found["free-air/estop"].braking.way < 0.2e-3
     assert 0.0 < found["foam/force"].braking.reaction < 0.03
     assert any("lay foam" in text for text in said)
@@ -331,14 +331,14 @@ def test_a_stop_that_a_simulator_lacks_stays_open_on_its_page():
 
 
 def test_a_force_that_was_not_reached_is_reported_with_what_stopped_the_run(tmp_path):
-    run = StrokesRun(tmp_path, None, None)
+    run = StrokesRun(tmp_path, None, 3.0)
     rows = np.zeros(3, row_type(1))
     rows["values"][:, 0] = 0.2
     run.record(FORCE).write_bytes(rows.tobytes())
     (tmp_path / "run").mkdir()
     live = {"standstill": {"force": 0.1}, "stop": {"reason": "the sensor is disconnected"}}
     (tmp_path / "run" / "result.json").write_text(json.dumps({"run": {"live": live}}))
-    protocol = AcceptanceProtocol(load_pipeline(PIPELINE), tmp_path, None, None, stop_force=3.0)
     (visit,) = (visit for visit in all_visits() if visit.name == "foam/force")
+    watched = WatchedRun(visit, None, None, 0.0, None, SimpleNamespace(run=run), 0)
     with pytest.raises(MissedError, match=r"the force reached 0\.10 N of 3\.00 N: the sensor is disconnected"):
-        protocol._event_of(visit, None, SimpleNamespace(run=run), 0)
+        watched.event_time()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -73,13 +73,13 @@ def acceptance(
             _write(_acceptance(pipeline, file, began, protocol, outcomes), folder)
             guide.say(f"what was measured until then: {folder / PAGE}")
         raise
-    _tell(_acceptance(pipeline, file, began, protocol, outcomes), folder, as_json)
+    _show(_acceptance(pipeline, file, began, protocol, outcomes), folder, as_json)
 
 
 def _outcomes(
     pipeline: Pipeline, folder: Path, protocol: AcceptanceProtocol, force: float | None, visits: Sequence[Visit]
 ) -> Iterator[Outcome]:
-    """One step after the other: on the rig, or for the pipeline of a rehearsal in simulated time."""
+    """Yield the outcome of each step: on the rig, or for the pipeline of a rehearsal in simulated time."""
     if pipeline.run.rehearsal is None:
         yield from protocol.outcomes(visits)
         return
@@ -103,7 +103,7 @@ def _acceptance(
         protocol.identity,
         demand_limits(pipeline),
         tuple(outcomes),
-        _able(pipeline),
+        _reported_visits(pipeline),
         pipeline.run.rehearsal,
         Simulator.of(pipeline),
         WatchedArm.of(pipeline).modes.single_connection,
@@ -111,80 +111,86 @@ def _acceptance(
     )
 
 
-def _write(found: Acceptance, folder: Path) -> None:
-    """The page to sign, and the same for programs."""
+def _write(report: Acceptance, folder: Path) -> None:
+    """Write the page to sign, and the same for programs."""
     import json
 
-    write_new(folder / PAGE, found.text())
-    write_new(folder / "acceptance.json", json.dumps(found.table(), indent=2, allow_nan=False) + "\n")
+    write_new(folder / PAGE, report.text())
+    write_new(folder / "acceptance.json", json.dumps(report.table(), indent=2, allow_nan=False) + "\n")
 
 
-def _tell(found: Acceptance, folder: Path, as_json: bool) -> None:
-    """Write and show it; raises DeviceError where the rig failed."""
+def _show(report: Acceptance, folder: Path, as_json: bool) -> None:
+    """Write and show a report; raises DeviceError where the rig failed."""
     page = folder / PAGE
-    _write(found, folder)
+    _write(report, folder)
     if as_json:
-        print_json(found.table())
+        print_json(report.table())
     else:
         headings = ("step", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
-        rows = [(row[0], *row[2:]) for row in map(row_of, found.outcomes)]
-        console().print(
-            Table.of(f"{found.name}: {found.verdict} (declared)", headings, rows, ("step", "verdict")).view()
-        )
-    typer.echo(f"{'to sign' if found.rehearsal is None else 'written to'}: {page}", err=as_json)
-    if found.failed:
-        names = ", ".join(outcome.visit.name for outcome in found.failed)
+        rows = [(row[0], *row[2:]) for row in map(row_of, report.outcomes)]
+        title = f"{report.name}: {report.verdict} (declared)"
+        console().print(Table.of(title, headings, rows, ("step", "verdict")).view())
+    typer.echo(f"{'to sign' if report.rehearsal is None else 'written to'}: {page}", err=as_json)
+    if report.failed:
+        names = ", ".join(outcome.visit.name for outcome in report.failed)
         raise DeviceError(f"the rig stops worse than [safety] declares, or was not measured: {names}; see {page}")
 
 
 def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
-    """The steps by name, in the protocol's order; raises ConfigurationError.
+    """Return the steps by name, in the protocol's order; raises ConfigurationError.
 
     Without names all that this robot reports, of a simulator all that it has, and in a rehearsal all without signals.
     """
-    able, simulator = _able(pipeline), Simulator.of(pipeline)
-    every = able if pipeline.run.rehearsal is None else tuple(visit for visit in able if visit.step.number is None)
+    reported, simulator = _reported_visits(pipeline), Simulator.of(pipeline)
+    possible = reported
     if simulator is not None:
-        every = tuple(visit for visit in able if not simulator.lacks(visit))
+        possible = tuple(visit for visit in reported if not simulator.lacks(visit))
+    elif pipeline.run.rehearsal is not None:
+        possible = tuple(visit for visit in reported if visit.step.number is None)
     for name in names:
-        if not any(map(partial(_is_called, name), all_visits())):
+        if not _has_step(all_visits(), name):
             raise ConfigurationError(f"--step {name}: no such step{suggest(name, STEPS)}")
-        if not any(map(partial(_is_called, name), able)):
+        if not _has_step(reported, name):
             raise ConfigurationError(f"--step {name}: this robot does not report that stop")
-        if not any(map(partial(_is_called, name), every)):
-            absent = "a signal needs the process of a run: it is not rehearsed"
+        if not _has_step(possible, name):
+            reason = "a signal needs the process of a run: it is not rehearsed"
             if simulator is not None:
-                absent = f"the simulator {simulator.name} has no such stop"
-            raise ConfigurationError(f"--step {name}: {absent}")
-    chosen = tuple(visit for visit in every if any(_is_called(name, visit) for name in names))
-    return chosen if names else every
+                reason = f"the simulator {simulator.name} has no such stop"
+            raise ConfigurationError(f"--step {name}: {reason}")
+    chosen = tuple(visit for visit in possible if any(_is_called(name, visit) for name in names))
+    return chosen if names else possible
+
+
+def _has_step(visits: Sequence[Visit], name: str) -> bool:
+    return any(_is_called(name, visit) for visit in visits)
 
 
 def _is_called(name: str, visit: Visit) -> bool:
     return name in (visit.name, visit.step.name, visit.site)
 
 
-def _able(pipeline: Pipeline) -> tuple[Visit, ...]:
-    """The steps whose end this robot reports."""
+def _reported_visits(pipeline: Pipeline) -> tuple[Visit, ...]:
+    """Return the steps whose end this robot reports."""
     modes = WatchedArm.of(pipeline).modes
     return tuple(visit for visit in all_visits() if not visit.step.mode or getattr(modes, visit.step.mode))
 
 
-def _stop_force(text: str | None, most: float) -> float | None:
+def _stop_force(text: str | None, max_force: float) -> float | None:
+    """Return the force [N] of `--stop-force`; raises ConfigurationError beyond 0 to `max_force`."""
     if text is None:
         return None
     try:
         force = float(_FORCE.validate_python(text.strip()))
     except (ValidationError, ConfigurationError) as error:
         raise ConfigurationError(f"--stop-force {text!r}: is not a force, such as 3 N") from error
-    if not 0.0 < force <= most:
-        raise ConfigurationError(
-            f"--stop-force {text!r}: from above 0 up to [safety] stop_force = {most:g} N is allowed"
-        )
+    if not 0.0 < force <= max_force:
+        allowed = f"from above 0 up to [safety] stop_force = {max_force:g} N is allowed"
+        raise ConfigurationError(f"--stop-force {text!r}: {allowed}")
     return force
 
 
 def _guide() -> AcceptanceGuide:
+    """Return the guide that writes to the terminal and waits for Enter."""
     from rich.console import Console
 
     errors = Console(stderr=True, markup=False, emoji=False)
@@ -192,14 +198,12 @@ def _guide() -> AcceptanceGuide:
     def say(text: str) -> None:
         errors.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    return AcceptanceGuide(say, _asks())
+    return AcceptanceGuide(say, _ask)
 
 
-def _asks() -> Callable[[str], None]:
-    def ask(text: str) -> None:
-        try:
-            typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
-        except (EOFError, typer.Abort) as error:
-            raise ConfigurationError("no answer: the acceptance needs a person at the rig") from error
-
-    return ask
+def _ask(text: str) -> None:
+    """Return once a person has pressed Enter; raises ConfigurationError without one."""
+    try:
+        typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
+    except (EOFError, typer.Abort) as error:
+        raise ConfigurationError("no answer: the acceptance needs a person at the rig") from error

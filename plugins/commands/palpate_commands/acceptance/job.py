@@ -18,7 +18,7 @@ from palpate_engine import approved_plugins
 
 from palpate_commands.acceptance.strokes_run import MESSAGES, StrokesRun
 
-_POLITE = 10.0  # [s] for a run to stop by Ctrl-C
+_INTERRUPT_TIMEOUT = 10.0  # [s] for a run to stop by Ctrl-C, before it is killed: a choice
 
 
 class StrokesJob(ABC):
@@ -38,7 +38,7 @@ class StrokesJob(ABC):
     @property
     @abstractmethod
     def is_running(self) -> bool:
-        """Whether its main process is there."""
+        """True as long as its main process is there."""
 
     @property
     @abstractmethod
@@ -47,11 +47,11 @@ class StrokesJob(ABC):
 
     @abstractmethod
     def send(self, number: signal.Signals, group: bool = False) -> None:
-        """A signal to its main process, or to all of its processes."""
+        """Send a signal to its main process, or to the `group` of all of its processes."""
 
 
 class ProcessJob(StrokesJob):
-    """One in a process and a session of its own."""
+    """A run of strokes in a process and a session of its own."""
 
     def __init__(self, file: Path, overrides: Sequence[str], run: StrokesRun) -> None:
         super().__init__(run)
@@ -80,7 +80,7 @@ class ProcessJob(StrokesJob):
             self.send(signal.SIGCONT)
             self.send(signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(_POLITE)
+                self._process.wait(_INTERRUPT_TIMEOUT)
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -90,7 +90,7 @@ class ProcessJob(StrokesJob):
 
     @property
     def is_running(self) -> bool:
-        """Whether its main process is there."""
+        """True as long as its main process is there."""
         return self._process.poll() is None
 
     @property
@@ -105,7 +105,7 @@ class ProcessJob(StrokesJob):
         return True
 
     def send(self, number: signal.Signals, group: bool = False) -> None:
-        """A signal to its main process, or to all of its processes."""
+        """Send a signal to its main process, or to the `group` of all of its processes."""
         with suppress(ProcessLookupError):
             if group:
                 os.killpg(self._process.pid, number)

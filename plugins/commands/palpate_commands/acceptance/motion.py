@@ -45,20 +45,20 @@ class StrokesRecord:
         self._files[name].write(rows.tobytes())
 
     def samples(self, samples: Samples) -> None:
-        """Not used here."""
+        """Ignore samples: nothing is estimated."""
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Nothing to limit."""
+        """Ignore estimates: there are none."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Make the strokes; the exit code."""
-    told = json.loads(arguments[0])
+    """Make the strokes of the settings in JSON; return the exit code."""
+    settings = json.loads(arguments[0])
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    run = StrokesRun(Path(told["folder"]), Strokes(**told["strokes"]), told["stop_force"])
+    run = StrokesRun(Path(settings["folder"]), Strokes(**settings["strokes"]), settings["stop_force"])
     try:
-        with inherited_approval(told["approved"]):
-            make_strokes(load_pipeline(Path(told["file"]), told["overrides"]), run)
+        with inherited_approval(settings["approved"]):
+            make_strokes(load_pipeline(Path(settings["file"]), settings["overrides"]), run)
     except PalpateError as error:
         print(error, file=sys.stderr)
         return error.exit_code
@@ -67,15 +67,15 @@ def main(arguments: Sequence[str]) -> int:
 
 def make_strokes(pipeline: Pipeline, run: StrokesRun) -> None:
     """Make the strokes within the limits of a pipeline; raises PalpateError where they were stopped."""
-    of_strokes = strokes_pipeline(pipeline, run.strokes, run.stop_force)
+    motion = strokes_pipeline(pipeline, run.strokes, run.stop_force)
     with ExitStack() as files:
-        record = StrokesRecord(of_strokes, run, files)
-        result = run_pipeline(of_strokes, run.folder / RUN, observer=record)
+        record = StrokesRecord(motion, run, files)
+        result = run_pipeline(motion, run.folder / RUN, observer=record)
     result.demand_whole()
 
 
 def _end_with_parent() -> None:
-    """Stop like by Ctrl-C where the program that guides the protocol has gone."""
+    """Stop as by Ctrl-C once the program that guides the protocol has gone, which closes its end of the input."""
     while os.read(0, 1):
         pass
     os.kill(os.getpid(), signal.SIGINT)

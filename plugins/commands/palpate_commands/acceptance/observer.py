@@ -1,4 +1,4 @@
-"""The arm's states as the protocol sees them: by a second connection, or as the run itself records them."""
+"""The arm's states during a run: by a second connection, or as the run itself records them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from palpate_commands.acceptance.measurement import BrakingTrace, MissedError
 from palpate_commands.acceptance.strokes_run import StrokesRun, row_type
 from palpate_commands.acceptance.watched_arm import WatchedArm
 
-_Z = 2  # column of the normal
-_RECENT = 8  # states
-_LOOK = 0.004  # [s] between looks at an arm that was connected to again
-_REST = 0.5  # [s] of such looks, which show whether it stands
+_NORMAL = 2  # column of the normal in a pose and in a twist: z
+# Choices.
+_MEAN_STATES = 8  # of the mean velocity: 16 ms of an arm at 500 Hz
+_WATCH_INTERVAL = 0.004  # [s] between two heights of an arm that was connected to again
+_CLOSING_TIMEOUT = 2.0  # [s] for the thread of a connection to end
+_WATCH_TIME = 0.5  # [s] for which it is watched, which shows whether it stands
 
 
 class Observer(ABC):
@@ -36,36 +38,37 @@ class Observer(ABC):
 
     @property
     def health(self) -> dict[str, object]:
-        """What the robot says of itself."""
+        """The description that the robot gives of itself."""
         return {}
 
     @property
     def height(self) -> float:
-        """Of the tip in the work frame [m], the latest; NaN before there is one."""
-        return self._latest(self._arm.pose, _Z)
+        """Latest height of the tip in the work frame [m]; NaN before the first state."""
+        return self._latest(self._arm.pose, _NORMAL)
 
     @property
     def velocity(self) -> float:
-        """Outwards [m/s], the mean of the latest states."""
-        recent = self._batches(self._arm.twist)[-_RECENT:]
-        if not recent:
+        """Mean velocity outwards [m/s] of the latest states; 0 before the first."""
+        batches = self._batches(self._arm.twist)[-_MEAN_STATES:]
+        if not batches:
             return 0.0
-        return float(np.concatenate([batch.values[-_RECENT:, _Z] for batch in recent])[-_RECENT:].mean())
+        velocities = np.concatenate([batch.values[-_MEAN_STATES:, _NORMAL] for batch in batches])
+        return float(velocities[-_MEAN_STATES:].mean())
 
     @property
     def height_now(self) -> float:
-        """Of the tip [m], carried on from the latest state: on a busy computer that is of some time ago."""
+        """Height of the tip [m] now, by the latest state and velocity: on a busy computer that state is old."""
         return self.height + self.velocity * self.lag
 
     @property
     def lag(self) -> float:
-        """How long ago [s] the latest state was; 0 before there is one."""
+        """Age [s] of the latest state; 0 before the first."""
         batches = self._batches(self._arm.pose)
         return (host_time_ns() - int(batches[-1].time[-1])) / 1e9 if batches else 0.0
 
     @property
     def mode(self) -> int:
-        """The mode that reports its stops, the latest; 0 before the first."""
+        """Latest mode of the channel that reports stops; 0 before the first."""
         mode = self._latest(self._arm.status, self._arm.mode)
         return int(mode) if np.isfinite(mode) else 0
 
@@ -74,24 +77,24 @@ class Observer(ABC):
         return float(batches[-1].values[-1, column]) if batches else float("nan")
 
     def trace(self, origin: int) -> BrakingTrace:
-        """Everything so far, in seconds from an instant [ns]; raises MissedError where there is nothing."""
+        """Return all states so far, in seconds from an instant [ns]; raises MissedError without any."""
         if self.failure is not None:
             raise MissedError(self.failure)
         time, pose = self._joined(self._arm.pose, origin)
         _, twist = self._joined(self._arm.twist, origin)
         count = min(len(pose), len(twist))  # they come one after the other
-        return BrakingTrace(time[:count], pose[:count, _Z], twist[:count, _Z])
+        return BrakingTrace(time[:count], pose[:count, _NORMAL], twist[:count, _NORMAL])
 
     def mode_change(self, origin: int, stop: Literal["emergency", "safeguard", "reflex"]) -> float:
-        """When [s] the mode first reported a stop; raises MissedError where it never did."""
+        """Return the time [s] at which the mode first reported a stop; raises MissedError where it never did."""
         modes = getattr(self._arm.modes, stop)
         time, status = self._joined(self._arm.status, origin)
-        reported = status[:, self._arm.mode].astype(int)
-        stopped = np.flatnonzero(np.isin(reported, modes))
-        if not len(stopped):
-            others = ", ".join(str(mode) for mode in np.unique(reported))
-            raise MissedError(f"the controller did not report that stop ({self._arm.modes.channel}: {others})")
-        return float(time[stopped[0]])
+        reported_modes = status[:, self._arm.mode].astype(int)
+        stop_rows = np.flatnonzero(np.isin(reported_modes, modes))
+        if not len(stop_rows):
+            texts = ", ".join(str(mode) for mode in np.unique(reported_modes))
+            raise MissedError(f"the controller did not report that stop ({self._arm.modes.channel}: {texts})")
+        return float(time[stop_rows[0]])
 
     def _joined(self, stream: str, origin: int) -> tuple[np.ndarray, np.ndarray]:
         batches = list(self._batches(stream))
@@ -103,7 +106,7 @@ class Observer(ABC):
 
 
 class SecondConnection(Observer):
-    """States by a connection of its own, from a thread: it lives whatever becomes of the run."""
+    """States by a connection of its own, read by a thread: it goes on whatever becomes of the run."""
 
     def __init__(self, arm: WatchedArm, link: Link) -> None:
         super().__init__(arm)
@@ -113,9 +116,9 @@ class SecondConnection(Observer):
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no more."""
+        """End the thread."""
         self._ending.set()
-        self._thread.join(2.0)
+        self._thread.join(_CLOSING_TIMEOUT)
 
     def _listen(self) -> None:
         try:
@@ -132,7 +135,7 @@ class SecondConnection(Observer):
 
     @property
     def health(self) -> dict[str, object]:
-        """What the robot says of itself."""
+        """The description that the robot gives of itself."""
         return dict(self._link.health) if isinstance(self._link, ReportsHealth) else {}
 
 
@@ -196,9 +199,9 @@ def state_after_run(arm: WatchedArm, seed: int) -> StateAfterRun:
     heights: list[float] = []
     try:
         with observed(arm, seed) as observer:
-            deadline = clock().now() + _REST
+            deadline = clock().now() + _WATCH_TIME
             while clock().now() < deadline:
-                clock().sleep(_LOOK)
+                clock().sleep(_WATCH_INTERVAL)
                 heights.append(observer.height)
             mode, failure = observer.mode, observer.failure
     except DeviceError as error:

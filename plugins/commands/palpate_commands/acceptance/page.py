@@ -1,4 +1,4 @@
-"""What an acceptance found: a page to sign, and the same for programs."""
+"""The report of an acceptance: a page to sign, and the same for programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from palpate_commands.acceptance.outcome import Allowed, Outcome
 from palpate_commands.acceptance.simulator import Simulator
 from palpate_commands.acceptance.steps import Visit
 
-SCHEMA = 1
+SCHEMA = 1  # of the layout of acceptance.json
+_MIN_DECELERATION_RATIO = (
+    1.5  # of what the states leave possible over the measured, from which on that is a bound: a choice
+)
 _IDENTITY = ("robot", "serial", "software", "model", "safety_checksum", "payload", "tcp", "powered_since")
 _HEADINGS = ("step", "what happened", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
 _LIMITS = (
@@ -47,55 +50,57 @@ class Acceptance:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every step was done."""
+        """True if every step was done."""
         return {outcome.visit.name for outcome in self.outcomes} == {visit.name for visit in self.steps}
 
     @property
     def failed(self) -> tuple[Outcome, ...]:
-        """Those that were worse than declared, or not measured."""
+        """Outcomes that were worse than declared, or not measured."""
         return tuple(outcome for outcome in self.outcomes if outcome.problems)
 
     @property
     def verdict(self) -> str:
-        """In a word."""
-        return "failed" if self.failed else "passed" if self.is_whole else "passed in part"
+        """Verdict in words: failed, passed, or passed in part."""
+        if self.failed:
+            return "failed"
+        return "passed" if self.is_whole else "passed in part"
 
     def worst(self) -> Iterator[str]:
-        """ForceDelay of the force, latency and deceleration as measured, and as declared."""
-        for late in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
+        """Yield the delay of the force, latency and deceleration as measured at worst, and as declared."""
+        for delay in (outcome.force_delay for outcome in self.outcomes if outcome.force_delay is not None):
             declared = f"`sensor_delay` = {1e3 * (self.limits.sensor_delay or 0.0):.1f} ms is declared"
-            yield f"the force comes {1e3 * late.value:.0f} ± {1e3 * late.std:.0f} ms after the pose; {declared}"
-        found = [outcome for outcome in self.outcomes if outcome.braking is not None]
-        of_latency = [o.braking.reaction for o in found if o.braking and o.visit.step.bound in ("latency", "reaction")]
-        softest = [o.braking.deceleration for o in found if o.braking]
-        if of_latency:
+            yield f"the force comes {1e3 * delay.value:.0f} ± {1e3 * delay.std:.0f} ms after the pose; {declared}"
+        brakings = [(outcome.visit.step, outcome.braking) for outcome in self.outcomes if outcome.braking is not None]
+        reactions = [braking.reaction for step, braking in brakings if step.bound in ("latency", "reaction")]
+        if reactions:
             yield (
-                f"longest reaction where `latency` counts: {1e3 * max(of_latency):.0f} ms; `latency` = "
+                f"longest reaction where `latency` counts: {1e3 * max(reactions):.0f} ms; `latency` = "
                 f"{1e3 * self.limits.latency:g} ms is declared, {1e3 * self.limits.prompt_reaction:.1f} ms with the "
                 "delay of the sensor's filter"
             )
-        if softest:
+        if brakings:
+            softest = min(braking.deceleration for _, braking in brakings)
             declared = f"`deceleration` = {self.limits.deceleration:g} m/s^2 is declared"
-            yield f"softest braking: {min(softest):.2f} m/s^2; {declared}"
+            yield f"softest braking: {softest:.2f} m/s^2; {declared}"
 
     @property
     def _answers(self) -> list[Mapping[str, float]]:
         return [answer for outcome in self.outcomes for answer in outcome.answers]
 
     def _obedience(self) -> Iterator[str]:
-        """The arm's answers to the first commands of each run."""
-        still = [answer["answered"] for answer in self._answers if answer["commanded"] == 0.0]
+        """Yield a sentence on the arm's answers to the first commands of each run: to stay, then small steps."""
+        movements = [answer["answered"] for answer in self._answers if answer["commanded"] == 0.0]
         steps = [answer for answer in self._answers if answer["commanded"] > 0.0]
-        if still and steps:
+        if movements and steps:
             longest = max(step["commanded"] for step in steps)
             error = max(abs(step["answered"] - step["commanded"]) for step in steps)
             yield (
-                f"commanded to stay, the arm moved by {1e3 * max(still):.2f} mm at most; it answered first steps of up "
-                f"to {1e3 * longest:.2f} mm to {1e3 * error:.2f} mm"
+                f"commanded to stay, the arm moved by {1e3 * max(movements):.2f} mm at most; it answered first steps "
+                f"of up to {1e3 * longest:.2f} mm to {1e3 * error:.2f} mm"
             )
 
     def table(self) -> dict[str, Any]:
-        """For programs, in SI."""
+        """Return the table of acceptance.json, in SI."""
         declared = ("latency", "deceleration", "sensor_timeout", "speed", "acceleration", "force", "stop_force")
         return {
             "schema": SCHEMA,
@@ -114,14 +119,15 @@ class Acceptance:
         }
 
     def text(self) -> str:
-        """The page, in Markdown."""
+        """Return the page, in Markdown."""
         signatures = _signatures() if self.rehearsal is None else ()
         return "\n".join([*self._head(), *self._rows(), "", *self._notes(), *signatures]) + "\n"
 
     def _head(self) -> Iterator[str]:
-        what = "Acceptance" if self.rehearsal is None else "Rehearsal of the acceptance"
-        where = "" if self.simulator is None else " on a simulator"
-        yield f"# {what}{where} of {self.name}: {self.verdict}"
+        """Yield the lines of rig, software and robot, of the worst numbers, and of the steps that are still open."""
+        title = "Acceptance" if self.rehearsal is None else "Rehearsal of the acceptance"
+        place = "" if self.simulator is None else " on a simulator"
+        yield f"# {title}{place} of {self.name}: {self.verdict}"
         if self.rehearsal is not None:
             yield ""
             yield f"In simulated time, on the twin {self.rehearsal}: nothing real has moved; this is nothing to sign."
@@ -168,37 +174,39 @@ class Acceptance:
             yield ""
         yield "What the run reported:"
         yield ""
-        yield from (f"- {outcome.visit.name}: {outcome.told or 'nothing: it was killed'}" for outcome in self.outcomes)
+        yield from (
+            f"- {outcome.visit.name}: {outcome.report or 'nothing: it was killed'}" for outcome in self.outcomes
+        )
         yield ""
         yield _LIMITS
         yield ""
 
 
 def row_of(outcome: Outcome) -> tuple[str, ...]:
-    """A step as texts, each number with what is declared."""
-    visit, stop, found, allowed = outcome.visit, outcome.stop, outcome.braking, outcome.allowed
+    """Return a step as texts, each number with what is declared."""
+    visit, stop, braking, allowed = outcome.visit, outcome.stop, outcome.braking, outcome.allowed
     verdict = "; ".join(outcome.problems) or "passed"
-    if (late := outcome.force_delay) is not None:
-        times = f"{1e3 * late.value:.0f} ({1e3 * allowed.reaction:.0f})"
-        return visit.name, visit.step.what, "", times, "", "", verdict
-    if found is None:
+    if (delay := outcome.force_delay) is not None:
+        times = f"{1e3 * delay.value:.0f} ({1e3 * allowed.reaction:.0f})"
+        return visit.name, visit.step.event, "", times, "", "", verdict
+    if braking is None:
         return (
             visit.name,
-            visit.step.what,
+            visit.step.event,
             "" if stop is None else f"{1e3 * stop.speed:.1f}",
             f"({1e3 * allowed.reaction:.0f})",
             f"({allowed.deceleration:g})",
             "" if stop is None else _way(stop, allowed),
             verdict,
         )
-    at_least = "" if found.deceleration_most < 1.5 * found.deceleration else "> "
+    is_bound = braking.deceleration_most >= _MIN_DECELERATION_RATIO * braking.deceleration
     return (
         visit.name,
-        visit.step.what,
-        f"{1e3 * found.speed:.1f}",
-        f"{1e3 * found.reaction:.0f} ({1e3 * allowed.reaction:.0f})",
-        f"{at_least}{found.deceleration:.2f} ({allowed.deceleration:g})",
-        _way(found, allowed),
+        visit.step.event,
+        f"{1e3 * braking.speed:.1f}",
+        f"{1e3 * braking.reaction:.0f} ({1e3 * allowed.reaction:.0f})",
+        f"{'> ' if is_bound else ''}{braking.deceleration:.2f} ({allowed.deceleration:g})",
+        _way(braking, allowed),
         verdict,
     )
 
@@ -208,16 +216,17 @@ def _way(stop: Braking | StandstillAfterEvent, allowed: Allowed) -> str:
 
 
 def _step(outcome: Outcome) -> dict[str, Any]:
-    found, stop = outcome.stop or outcome.force_delay, outcome.stop
+    """Return the entry of a step in acceptance.json."""
+    measurement, stop = outcome.stop or outcome.force_delay, outcome.stop
     declared = asdict(outcome.allowed) | ({} if stop is None else {"way": outcome.allowed.way(stop.speed)})
     return {
         "name": outcome.visit.name,
-        "what": outcome.visit.step.what,
-        "measured": None if found is None else asdict(found),
+        "what": outcome.visit.step.event,
+        "measured": None if measurement is None else asdict(measurement),
         "declared": declared,
         "problems": list(outcome.problems),
         "handshake": [dict(answer) for answer in outcome.answers],
-        "told": outcome.told,
+        "told": outcome.report,
     }
 
 

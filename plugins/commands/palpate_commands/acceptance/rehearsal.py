@@ -1,4 +1,4 @@
-"""An acceptance in simulated time: the twin of a rehearsal does what is asked of a person, and nothing real moves."""
+"""An acceptance in simulated time: the twin of a rehearsal acts for the person, and nothing real moves."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from palpate_commands.acceptance.protocol import AcceptanceGuide, AcceptanceProt
 from palpate_commands.acceptance.steps import AcceptanceStep, Visit
 from palpate_commands.acceptance.strokes_run import MESSAGES, StrokesRun
 
-_HAND = 0.15  # [s] until a hand does it
+_REACTION_TIME = 0.15  # [s] of a hand, after the word NOW: a choice, of a person who waits for it
 
 
 class ThreadJob(StrokesJob):
-    """A run as a thread of simulated time: what takes a process, such as signals, is for the rig."""
+    """A run as a thread of simulated time; it has no process, and takes no signals."""
 
     def __init__(self, pipeline: Pipeline, run: StrokesRun) -> None:
         super().__init__(run)
         run.folder.mkdir(parents=True)
         self._pipeline = pipeline
-        self._thread = clock().thread(self._go, "strokes")
+        self._thread = clock().thread(self._run, "strokes")
         self._thread.start()
 
-    def _go(self) -> None:
+    def _run(self) -> None:
+        """Make the strokes, and write the message of the error that stopped them."""
         message = ""
         try:
             make_strokes(self._pipeline, self.run)
@@ -45,23 +46,23 @@ class ThreadJob(StrokesJob):
 
     @property
     def is_running(self) -> bool:
-        """Whether it runs."""
+        """True while the thread runs."""
         return self._thread.is_alive()
 
     @property
     def has_processes(self) -> bool:
-        """True while it runs."""
+        """True while the thread runs."""
         return self.is_running
 
     def send(self, number: signal.Signals, group: bool = False) -> None:
-        """A thread gets no signals: steps with them are not rehearsed."""
+        """Raise NotImplementedError: a thread gets no signals, and steps with them are not rehearsed."""
         raise NotImplementedError
 
 
 def rehearsed_outcomes(
     pipeline: Pipeline, folder: Path, say: Callable[[str], None], stop_force: float | None, visits: Sequence[Visit]
 ) -> Iterator[tuple[dict[str, object], Outcome]]:
-    """What the robot says of itself, and a step, one after the other, each with a twin of its own, as new."""
+    """Yield the robot's description of itself and the outcome of each step, each with a twin of its own, as new."""
     assert pipeline.run.rehearsal is not None
     twin = pipeline.twins[pipeline.run.rehearsal]
     for number, visit in enumerate(visits, 1):
@@ -75,17 +76,17 @@ def rehearsed_outcomes(
 
 
 def _hand_of(bench: SimulatedTwin) -> Callable[[AcceptanceStep], None]:
-    """What a person does once, as soon as a hand can: the speed is then steady."""
-    done: list[str] = []
+    """Return the act of a person: the fault of a step, once, a reaction time later, when the speed is steady."""
+    caused: list[str] = []  # faults so far
 
     def act(step: AcceptanceStep) -> None:
-        if step.fault and not done:
-            done.append(step.fault)
-            clock().thread(lambda: _soon(bench, step.fault), "hand").start()
+        if step.fault and not caused:
+            caused.append(step.fault)
+            clock().thread(lambda: _cause(bench, step.fault), "hand").start()
 
     return act
 
 
-def _soon(bench: SimulatedTwin, fault: str) -> None:
-    clock().sleep(_HAND)
+def _cause(bench: SimulatedTwin, fault: str) -> None:
+    clock().sleep(_REACTION_TIME)
     bench.fault(fault)

@@ -1,4 +1,4 @@
-"""The steps of an acceptance protocol: what happens to a motion, who does it, and how soon it has to stop."""
+"""The steps of an acceptance protocol: the event that stops a motion, who causes it, and how soon braking begins."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class AcceptanceStep:
     """One way to stop a motion."""
 
     name: str
-    what: str  # what happens
-    # What declares how soon braking has to begin; sensor_delay: how late the force may come, for nothing is stopped.
+    event: str  # that happens to the motion, as a sentence
+    # The limit that declares how soon braking has to begin; sensor_delay: how late the force may come, nothing stops.
     bound: Literal["latency", "reaction", "sensor_timeout", "blind", "sensor_delay"]
     ask: str = ""  # of a person, while the arm moves; empty: this program does it
     then: str = ""  # of a person, afterwards
@@ -25,11 +25,11 @@ class AcceptanceStep:
     group: bool = False  # to all of its processes
     sites: tuple[Site, ...] = ("free-air", "foam")
     fault: str = ""  # by which a twin does what is asked of a person
-    leaves: bool = True  # whether the arm leaves the material by itself
+    leaves: bool = True  # True: the arm leaves the material by itself
 
     @property
     def stops(self) -> bool:
-        """Whether the motion is stopped: else strokes at two speeds go to their end."""
+        """True if the motion is stopped; else strokes at two speeds go to their end."""
         return self.bound != "sensor_delay"
 
     @property
@@ -39,7 +39,7 @@ class AcceptanceStep:
 
     @property
     def by_hand(self) -> bool:
-        """Whether a person does it while the arm moves."""
+        """True if a person causes the event while the arm moves."""
         return bool(self.ask)
 
 
@@ -111,11 +111,11 @@ class Visit:
 
     @property
     def name(self) -> str:
-        """As on the page."""
+        """Name of the step on the page: site and step."""
         return f"{self.site}/{self.step.name}"
 
 
 def all_visits() -> tuple[Visit, ...]:
-    """The whole protocol, in its order: first in free air, then on foam."""
+    """Return the whole protocol, in its order: first in free air, then on foam."""
     sites: tuple[Site, ...] = ("free-air", "foam")
     return tuple(Visit(site, step) for site in sites for step in STEPS.values() if site in step.sites)

@@ -10,17 +10,19 @@ from palpate_engine import Pipeline, SafetySettings, check_motion, own_motions
 
 from palpate_commands.acceptance.steps import Visit
 
-_ROOM = 2e-3  # [m] between the strokes and the top of the box, for the retreat that checks whether the tip is free
-_AIR = 3e-3  # [m] over the nominal skin that free air begins
-_LEAST, _MOST = 6e-3, 15e-3  # [m] of a stroke
-_SPARE = 0.9  # of a limit
-_BLIND_SPARE = 0.25  # [s] of a stroke beyond the longest time in which an arm may go on unattended
-_AT_ANY_TIME, _ON_THE_WAY_DOWN = 0.8, 1.5  # [s] that a stroke takes at least where a person is to hit it
-_SOFT = 4.0  # times its own mean acceleration that a turn may take at most; its profile needs 1.9
-_PATIENCE = 60.0  # [s] of strokes where a person stops them
-_FEW = 15.0  # [s] otherwise
-_CYCLES, _SLOW = 2, 0.25  # strokes at each of two speeds, the slower a part of the faster
-_KIND = "load-unload"
+# Choices.
+_RETREAT = 2e-3  # [m] between the strokes and the top of the box, for the retreat that checks whether the tip is free
+_AIR_HEIGHT = 3e-3  # [m] above the nominal skin, from which on there is free air
+_MIN_STROKE, _MAX_STROKE = 6e-3, 15e-3  # [m] between top and bottom
+_LIMIT_SHARE = 0.9  # of a limit of speed: rounding of the strokes stays below it
+_STRAIGHT_SHARE = 0.8  # of a stroke that is at constant speed; its turns take the rest
+_UNATTENDED_MARGIN = 0.25  # [s] of a stroke beyond the longest time in which an arm may go on unattended
+_MIN_STROKE_TIME, _MIN_DOWN_TIME = 0.8, 1.5  # [s] that a person needs to hit a stroke, and the way down of one
+_ACCELERATION_RATIO = 4.0  # of the limit to the mean acceleration of a turn, speed over time; its profile needs 1.9
+_DURATION_BY_HAND = 60.0  # [s] of strokes where a person stops them
+_DURATION = 15.0  # [s] otherwise
+_DELAY_CYCLES, _SLOW_SHARE = 2, 0.25  # strokes at each of two speeds that show a delay; the slower one, of the faster
+_STROKES_PART = "load-unload"  # trajectory that makes them
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Strokes:
 
     @property
     def speeds(self) -> tuple[float, ...]:
-        """[m/s] one after the other."""
+        """Speeds [m/s], one after the other."""
         return (self.speed,) if self.slow is None else (self.slow, self.speed)
 
     @property
@@ -51,42 +53,47 @@ class Strokes:
         return self.duration * sum(self.speed / speed for speed in self.speeds)
 
     def table(self) -> dict[str, float | None]:
-        """In SI."""
+        """Return the strokes in SI."""
         return asdict(self)
 
 
 def plan_strokes(pipeline: Pipeline, visit: Visit, allowed: float) -> Strokes:
-    """The longest and fastest strokes that a pipeline's limits and its own motion allow.
+    """Return the longest and fastest strokes that a pipeline's limits and its own motion allow.
 
     `allowed` [s] is how long the arm may go on. Raises ConfigurationError where the box has no room.
     """
     limits = demand_limits(pipeline)
-    box_top, box_bottom = limits.high[2] - _ROOM, limits.low[2]
-    speed = _SPARE * min(limits.speed, limits.fastest)
+
+    # Heights within the box; on foam as deep as the pipeline's own motion, and no faster into it.
+    box_top, box_bottom = limits.high[2] - _RETREAT, limits.low[2]
+    speed = _LIMIT_SHARE * min(limits.speed, limits.fastest)
     if visit.site == "foam":
-        motion = [check_motion(trajectory, limits) for trajectory in pipeline.trajectories.values()]
-        bottom = max(float(motion[0].low[2]), box_bottom)
-        top, speed = min(box_top, -bottom + _AIR), min(speed, motion[0].inward_speed)
+        motions = [check_motion(trajectory, limits) for trajectory in pipeline.trajectories.values()]
+        bottom = max(float(motions[0].low[2]), box_bottom)
+        top = min(box_top, -bottom + _AIR_HEIGHT)
+        speed = min(speed, motions[0].inward_speed)
     else:
-        top, bottom = box_top, max(box_top - _MOST, box_bottom + _ROOM, _AIR)
+        top, bottom = box_top, max(box_top - _MAX_STROKE, box_bottom + _RETREAT, _AIR_HEIGHT)
     way = top - bottom
-    if way < _LEAST:
-        where = "over the skin" if visit.site == "free-air" else "from free air to the depth of its own motion"
+    if way < _MIN_STROKE:
+        place = "over the skin" if visit.site == "free-air" else "from free air to the depth of its own motion"
         raise ConfigurationError(
-            f"{pipeline.path}: the strokes of the acceptance need {1e3 * _LEAST:g} mm {where}, and [safety] low "
+            f"{pipeline.path}: the strokes of the acceptance need {1e3 * _MIN_STROKE:g} mm {place}, and [safety] low "
             f"and high leave {1e3 * way:.1f} mm: raise [safety] high"
         )
-    slow = _ON_THE_WAY_DOWN if visit.step.leaves else _AT_ANY_TIME
-    least = max(slow if visit.step.by_hand else 0.0, allowed + _BLIND_SPARE)
-    speed = min(speed, 0.8 * way / least)
-    turn = _SOFT * speed / limits.acceleration
+
+    # A stroke lasts for as long as the arm may go on, and until a person can have hit it.
+    time_for_hand = _MIN_DOWN_TIME if visit.step.leaves else _MIN_STROKE_TIME
+    min_time = max(time_for_hand if visit.step.by_hand else 0.0, allowed + _UNATTENDED_MARGIN)
+    speed = min(speed, _STRAIGHT_SHARE * way / min_time)
+    turn = _ACCELERATION_RATIO * speed / limits.acceleration
     if not visit.step.stops:
-        return Strokes(top, bottom, speed, turn, _CYCLES * 2.0 * way / speed, _SLOW * speed)
-    return Strokes(top, bottom, speed, turn, _PATIENCE if visit.step.by_hand else _FEW)
+        return Strokes(top, bottom, speed, turn, _DELAY_CYCLES * 2.0 * way / speed, _SLOW_SHARE * speed)
+    return Strokes(top, bottom, speed, turn, _DURATION_BY_HAND if visit.step.by_hand else _DURATION)
 
 
 def demand_limits(pipeline: Pipeline) -> SafetySettings:
-    """Raise ConfigurationError where a pipeline has no limits, no motion or no arm."""
+    """Return the limits of a pipeline; raises ConfigurationError where it has no limits, no motion or no arm."""
     if pipeline.safety is None:
         raise ConfigurationError(f"{pipeline.path}: nothing moves without limits: a [safety] table is missing")
     if len(pipeline.trajectories) != 1:
@@ -100,14 +107,14 @@ def demand_limits(pipeline: Pipeline) -> SafetySettings:
 
 
 def strokes_pipeline(pipeline: Pipeline, strokes: Strokes, stop_force: float | None = None) -> Pipeline:
-    """A pipeline that makes strokes, records nothing by itself and estimates nothing; raises ConfigurationError.
+    """Return a pipeline that makes strokes, has no sinks and no tracks; raises ConfigurationError.
 
-    `stop_force` [N], where it is given, is lower than that of the pipeline.
+    `stop_force` [N], if any, is lower than that of the pipeline.
     """
-    entry = pipeline.registry.parts["trajectory"].get(_KIND)
+    entry = pipeline.registry.parts["trajectory"].get(_STROKES_PART)
     if entry is None or entry.problem is not None:
         raise ConfigurationError(
-            f"the strokes of the acceptance are the motion {_KIND!r}, whose plugin is not installed"
+            f"the strokes of the acceptance are the motion {_STROKES_PART!r}, whose plugin is not installed"
         )
     limits = demand_limits(pipeline)
     middle = (strokes.top + strokes.bottom) / 2

@@ -1,4 +1,4 @@
-"""One run of strokes: what it is to do, and its folder, which holds all that it leaves behind."""
+"""One run of strokes: its settings, and its folder, which holds all that it leaves behind."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def row_type(columns: int) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class StrokesRun:
-    """A run to make: its folder, which holds all that it says, and what it is to do."""
+    """A run to make: its folder, which holds all that it writes, and its motion."""
 
     folder: Path
     strokes: Strokes
@@ -36,20 +36,20 @@ class StrokesRun:
 
     @property
     def message(self) -> str:
-        """What it said at its end."""
+        """Message of the run at its end."""
         return (self.folder / MESSAGES).read_text(errors="replace").strip()
 
     @property
     def live_facts(self) -> dict[str, Any]:
-        """What `result.json` says of the live run; nothing of one that was killed."""
+        """Facts of the live run in `result.json`; none of one that was killed."""
         try:
             table = json.loads((self.folder / RUN / RESULT).read_text())
         except FileNotFoundError:
             return {}
-        found: dict[str, Any] = table["run"].get("live", {})
-        return found
+        facts: dict[str, Any] = table["run"].get("live", {})
+        return facts
 
     def readings(self, origin: int) -> tuple[Floats, Floats]:
-        """Times (n,) [s] from an instant [ns], and the force (n,) [N] as it was read."""
+        """Return times (n,) [s] from an instant [ns], and the force (n,) [N] as it was read."""
         rows = np.frombuffer(self.record(FORCE).read_bytes(), row_type(1))
         return (rows["time"] - origin) / 1e9, np.asarray(rows["values"][:, 0], np.float64)

@@ -22,7 +22,7 @@ class WatchedArm:
 
     @classmethod
     def of(cls, pipeline: Pipeline) -> WatchedArm:
-        """The one robot of a pipeline; raises ConfigurationError."""
+        """Return the one robot of a pipeline; raises ConfigurationError."""
         names = list(own_motions(pipeline.devices))
         if len(names) != 1:
             raise ConfigurationError(f"{pipeline.path}: expected one robot, not {len(names)} ({', '.join(names)})")
@@ -34,8 +34,8 @@ class WatchedArm:
             for stream in device.streams
             if modes is not None and modes.channel in [channel.name for channel in stream.channels]
         ]
-        sound = device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys()
-        if modes is None or not (sound and columns):
+        is_observable = device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys()
+        if modes is None or not (is_observable and columns):
             raise ConfigurationError(
                 f"{pipeline.path}: [device.{names[0]}] cannot be watched while a run moves it: a live robot is needed "
                 "whose pose, twist and `stop_modes` a second connection can observe, or a run record (its driver "
