@@ -11,7 +11,7 @@ from formulas import with_math
 from make_flags import page as flags_page
 from make_thresholds import page as thresholds_page
 from palpate import Settings
-from palpate_commands.describe import _default, _type
+from palpate_commands.describe import default_text, type_text
 from palpate_engine import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
 from palpate_kit.runs.result_model import result_schema
 
@@ -93,8 +93,8 @@ def _keys(settings: type[Settings]) -> Iterator[str]:
         return
     yield from ("| key | | default | meaning |", "|---|---|---|---|")
     for key, field in settings.model_fields.items():
-        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
-        kind = _type(field.annotation, field.metadata)
+        default = "must be given" if field.is_required() else default_text(field.get_default(), field.metadata)
+        kind = type_text(field.annotation, field.metadata)
         cells = (kind, default.removeprefix("default "), field.description or "")
         yield f"| `{key}` | {' | '.join(map(_cell, cells))} |"
     yield ""

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What is done with one pipeline or rig, and what there is to build it of."""
-    offered = (
+    """Return the commands for one pipeline or rig, and those that look parts up."""
+    commands = (
         ("run", "run:run", "Run a pipeline; print what was found.", "run"),
         ("replay", "replay:replay", "Estimate again from the log of a run.", "run"),
         ("run resume", "resume:resume", "Continue a run that was interrupted.", "run"),
@@ -32,7 +32,7 @@ def palpate_commands() -> dict[str, Command]:
     )
     schema = "Print the JSON schema of pipeline files, or of result.json."
     return {
-        **{name: Command(f"palpate_commands.{target}", text, panel) for name, target, text, panel in offered},
+        **{name: Command(f"palpate_commands.{target}", text, panel) for name, target, text, panel in commands},
         "trust": Command(
             "palpate_commands.trust:trust", "Approve a plugin file of a recording.", "extend", hidden=True
         ),
@@ -47,13 +47,13 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, Recorder]]:
-    """The tables of estimates of every run, as ``[estimates]`` says."""
+    """Return the recorder of every run's estimates, as ``[estimates]`` says."""
     return {"recorder": {"estimates": Recorder("palpate_kit.runs.estimates_file:estimates_file")}}
 
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """How the tables of estimates are written."""
+    """Return the settings of the tables of estimates."""
     from palpate_kit.runs.estimates_settings import EstimatesSettings
 
     return {"estimates": EstimatesSettings}
@@ -61,7 +61,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_templates() -> dict[str, Template]:
-    """Whole pipelines, each of which runs as it is."""
+    """Return whole pipelines, each of which runs as it is."""
     package, folder = "palpate_commands", "templates"
     return {
         "point": Template(package, f"{folder}/point.toml", "a point palpation on a simulated rig"),

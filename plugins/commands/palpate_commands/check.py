@@ -29,8 +29,8 @@ def check(
     if as_json:
         plugins = [{"name": plugin.name, "place": plugin.place} for plugin in pipeline.registry.plugins]
         shared = {"inherited": dict(pipeline.inherited)} if pipeline.inherited else {}
-        found = {**shared, "file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
-        print_json({**found, "notices": pipeline.notices, "resolved": tomllib.loads(resolved_text(pipeline))})
+        facts = {**shared, "file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
+        print_json({**facts, "notices": pipeline.notices, "resolved": tomllib.loads(resolved_text(pipeline))})
     elif resolved:
         typer.echo(resolved_text(pipeline), nl=False)
     else:
@@ -42,9 +42,9 @@ def check(
         typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
         for plugin in pipeline.registry.plugins if verbose else ():
             typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
-        others = [plugin.name for plugin in pipeline.registry.plugins if not plugin.name.startswith("palpate ")]
-        if others and not verbose:
-            typer.echo(f"with {', '.join(others)}; -v says where every plugin is")
+        third_parties = [plugin.name for plugin in pipeline.registry.plugins if not plugin.name.startswith("palpate ")]
+        if third_parties and not verbose:
+            typer.echo(f"with {', '.join(third_parties)}; -v says where every plugin is")
 
 
 def _keys_by_file(inherited: Mapping[str, str]) -> dict[str, list[str]]:

@@ -37,46 +37,51 @@ def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash,
         raise ConfigurationError(f"no completion for {shell!r}{suggest(shell, _SHELLS)}")
     options = {name: options_of(name) for name in registry.load_commands().commands}
     parts = registry.load()
-    named = sorted({name for entries in parts.parts.values() for name in entries} | set(parts.flags))
-    words = {"describe": named, "init completion": list(_SHELLS), "init": sorted(parts.templates)}
+    part_names = sorted({name for entries in parts.parts.values() for name in entries} | set(parts.flags))
+    arguments = {"describe": part_names, "init completion": list(_SHELLS), "init": sorted(parts.templates)}
     for name in options:
         first, _, second = name.partition(" ")
         if second:
-            words.setdefault(first, []).append(second)
-    typer.echo(_fish(options, words) if shell == "fish" else _bash(options, words, _ZSH if shell == "zsh" else ""))
+            arguments.setdefault(first, []).append(second)
+    if shell == "fish":
+        typer.echo(_fish(options, arguments))
+    else:
+        typer.echo(_bash(options, arguments, _ZSH if shell == "zsh" else ""))
 
 
 def options_of(name: str) -> dict[str, str]:
-    """The long options of a command, each with its help."""
+    """Return the long options of a command, each with its help."""
     app = typer.Typer(add_completion=False)
     app.command(name=name)(function_of(registry.load_commands().command(name)))
     command = typer.main.get_command(app)
-    found = {"--help": "Show what the command does."}
+    help_texts = {"--help": "Show what the command does."}
     for parameter in command.params:
         for option in parameter.opts:
             if option.startswith("--"):
-                found[option] = getattr(parameter, "help", None) or ""
-    return found
+                help_texts[option] = getattr(parameter, "help", None) or ""
+    return help_texts
 
 
-def _bash(options: dict[str, dict[str, str]], words: dict[str, list[str]], head: str) -> str:
-    names = dict.fromkeys([*options, *words])
+def _bash(options: dict[str, dict[str, str]], arguments: dict[str, list[str]], head: str) -> str:
+    """Return the script for bash: after each command its options and arguments."""
     cases = "\n".join(
-        f'      "{name}") choices="{" ".join([*options.get(name, ()), *words.get(name, ())])}" ;;' for name in names
+        f'      "{name}") choices="{" ".join([*options.get(name, ()), *arguments.get(name, ())])}" ;;'
+        for name in dict.fromkeys([*options, *arguments])
     )
     subcommands = " | ".join(f'"{name}"' for name in options if " " in name)
     return head + _BASH.format(commands=" ".join(_first_words(options)), subcommands=subcommands, cases=cases)
 
 
-def _fish(options: dict[str, dict[str, str]], words: dict[str, list[str]]) -> str:
+def _fish(options: dict[str, dict[str, str]], arguments: dict[str, list[str]]) -> str:
+    """Return the script for fish: after each command its options, with their help, and arguments."""
     lines = ["# palpate in fish: palpate init completion fish > ~/.config/fish/completions/palpate.fish"]
     lines.append(f"complete -c palpate -n __fish_use_subcommand -f -a '{' '.join(_first_words(options))}'")
-    for name in dict.fromkeys([*options, *words]):
-        seen = " && ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
-        head = f"complete -c palpate -n '{seen}'"
+    for name in dict.fromkeys([*options, *arguments]):
+        condition = " && ".join(f"__fish_seen_subcommand_from {command}" for command in name.split())
+        head = f"complete -c palpate -n '{condition}'"
         lines += [f"{head} -l {option[2:]} -d {_quoted(text)}" for option, text in options.get(name, {}).items()]
-        if name in words:
-            lines.append(f"{head} -f -a '{' '.join(words[name])}'")
+        if name in arguments:
+            lines.append(f"{head} -f -a '{' '.join(arguments[name])}'")
     return "\n".join(lines) + "\n"
 
 

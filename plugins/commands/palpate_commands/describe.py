@@ -1,4 +1,4 @@
-"""``palpate describe``: what a part is, with every key, and what a flag means."""
+"""``palpate describe``: a part with every key, or the meaning of a flag."""
 
 from __future__ import annotations
 
@@ -48,18 +48,20 @@ def describe(
         list_parts(as_json=as_json)
         return
     registry = registries.load()
-    found: list[tuple[str, str, type[Settings]]] = []
+    parts: list[tuple[str, str, type[Settings]]] = []  # kind, title and settings
     for kind in registry.parts:
         with suppress(ConfigurationError):
             full = registry.named(kind, part)
-            found.append((kind, f"{full}: a type of [{kind}.*]", registry.find(kind, full)))
+            parts.append((kind, f"{full}: a type of [{kind}.*]", registry.find(kind, full)))
     if part in _TABLES:
-        found.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
-    if as_json and (found or part in registry.flags):
+        parts.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
+    if as_json and (parts or part in registry.flags):
         flags = [registry.flags[part].meaning] if part in registry.flags else []
-        print_json({"name": part, "parts": [_plain(kind, settings) for kind, _, settings in found], "flags": flags})
+        print_json(
+            {"name": part, "parts": [_part_table(kind, settings) for kind, _, settings in parts], "flags": flags}
+        )
         return
-    texts = ["\n".join(_description(title, settings)) for _, title, settings in found]
+    texts = ["\n".join(_description(title, settings)) for _, title, settings in parts]
     if part in FORMER_FLAGS:
         texts.append(f"{part}: since schema 5 a condition of {FORMER_FLAGS[part]}: what the values hold for, no doubt")
     if part in registry.flags:
@@ -80,6 +82,7 @@ def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
 
 
 def _description(title: str, part: type[Settings]) -> Iterator[str]:
+    """Yield the lines of a part: its text, the parameters of a model, its keys and those of tables within."""
     yield title
     yield ""
     yield inspect.getdoc(part) or ""
@@ -92,8 +95,9 @@ def _description(title: str, part: type[Settings]) -> Iterator[str]:
         yield ""
         yield "Keys:"
         yield from _keys(part, "  ")
-    nested = {n.__name__: n for f in part.model_fields.values() if (n := nested_settings(f.annotation)) is not None}
-    for name, settings in nested.items():
+    tables = [nested_settings(field.annotation) for field in part.model_fields.values()]
+    by_name = {settings.__name__: settings for settings in tables if settings is not None}
+    for name, settings in by_name.items():
         yield ""
         yield f"{name.lower()}: {inspect.getdoc(settings) or ''}"
         yield ""
@@ -101,8 +105,8 @@ def _description(title: str, part: type[Settings]) -> Iterator[str]:
         yield from _keys(settings, "  ")
 
 
-def _plain(kind: str, part: type[Settings]) -> dict[str, Any]:
-    """A part as plain data: what it is, the parameters of a model, its keys and those of tables within."""
+def _part_table(kind: str, part: type[Settings]) -> dict[str, Any]:
+    """Return a part as plain data: its text, the parameters of a model, its keys and those of tables within."""
     parameters = [
         {"name": p.name, "symbol": p.symbol, "unit": p.unit, "meaning": p.meaning}
         for p in getattr(part, "parameters", ())
@@ -114,32 +118,34 @@ def _plain(kind: str, part: type[Settings]) -> dict[str, Any]:
         if not required:
             default = json.loads(json.dumps(field.get_default(call_default_factory=True), default=str))
         nested = nested_settings(field.annotation)
-        keys[key] = {"type": _type(field.annotation, field.metadata), "unit": unit, "required": required}
+        keys[key] = {"type": type_text(field.annotation, field.metadata), "unit": unit, "required": required}
         keys[key] |= {"default": default, "meaning": field.description}
-        keys[key] |= {"keys": _plain("table", nested)["keys"]} if nested is not None else {}
+        keys[key] |= {"keys": _part_table("table", nested)["keys"]} if nested is not None else {}
     return {"kind": kind, "text": inspect.getdoc(part) or "", "parameters": parameters, "keys": keys}
 
 
 def _keys(settings: type[Settings], indent: str) -> Iterator[str]:
+    """Yield the lines of the keys: type, default and meaning."""
     for key, field in settings.model_fields.items():
-        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
-        yield f"{indent}{key}: {_type(field.annotation, field.metadata)}, {default}"
+        default = "must be given" if field.is_required() else default_text(field.get_default(), field.metadata)
+        yield f"{indent}{key}: {type_text(field.annotation, field.metadata)}, {default}"
         if field.description:
             yield f"{indent}    {field.description}"
 
 
-def _default(value: Any, metadata: list[Any]) -> str:
+def default_text(value: Any, metadata: list[Any]) -> str:
+    """Return a default in words, a number with its unit."""
     if value is None:
         return "optional"
     unit = next((f" {item.unit}" for item in metadata if isinstance(item, Quantity)), "")
     return f"default {value:.6g}{unit}" if isinstance(value, float) else f"default {json.dumps(value, default=str)}"
 
 
-_PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
+_TYPE_WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
 
 
-def _type(annotation: Any, metadata: list[Any]) -> str:
-    """What may be written for a field, in words."""
+def type_text(annotation: Any, metadata: list[Any]) -> str:
+    """Return the type of a field, in words."""
     quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
     if quantity is not None:
         return dimension(quantity.unit)
@@ -149,25 +155,25 @@ def _type(annotation: Any, metadata: list[Any]) -> str:
     if nested is not None:
         return f"table {nested.__name__.lower()}"
     if getattr(annotation, "__metadata__", None):
-        return _type(annotation.__origin__, list(annotation.__metadata__))
-    return _of_several(annotation) or _PLAIN.get(annotation, "value")
+        return type_text(annotation.__origin__, list(annotation.__metadata__))
+    return _of_several(annotation) or _TYPE_WORDS.get(annotation, "value")
 
 
 def _of_several(annotation: Any) -> str:
-    """A type that is made of others, in words; empty for one that is not."""
+    """Return a type that is made of others, in words; empty for any other."""
     origin = typing.get_origin(annotation)
     arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
     if origin is dict:
-        return f"table of names, each a {_type(arguments[1], [])}"
+        return f"table of names, each a {type_text(arguments[1], [])}"
     if origin is typing.Literal:
         return " or ".join(json.dumps(choice) for choice in arguments)
     for argument in arguments:  # optional quantities carry their unit inside the union
         if getattr(argument, "__metadata__", None):
-            return _type(argument.__origin__, list(argument.__metadata__))
+            return type_text(argument.__origin__, list(argument.__metadata__))
     if origin is tuple:
         return "list"
     if len(arguments) == 1:
-        return _type(arguments[0], [])
+        return type_text(arguments[0], [])
     if origin in (typing.Union, types.UnionType):
-        return " or ".join(_type(argument, []) for argument in arguments)
+        return " or ".join(type_text(argument, []) for argument in arguments)
     return ""

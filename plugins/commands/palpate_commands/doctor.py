@@ -1,4 +1,4 @@
-"""``palpate doctor``: is the rig well? Nothing moves."""
+"""``palpate doctor``: the examination of a rig at rest."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate_kit.terminal.options import JsonOption, Overrides
 from palpate_commands.rig_examination import Finding, examine
 
 _MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
-_SHOWN = 5  # findings that are not good; the last line counts all
+_MAX_LINES = 5  # findings that are not good (a choice: they fit a screen); the last line counts all
 
 
 def doctor(
@@ -27,18 +27,18 @@ def doctor(
     as_json: JsonOption = False,
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
-    found = []
+    findings = []
     pipeline = load_pipeline(file, overrides or [])
     refuse_rehearsal(pipeline)
     for finding in examine(pipeline, duration):
-        found.append(finding)
+        findings.append(finding)
         if verbose and not as_json:
             typer.echo(_line(finding))
-    bad = sum(finding.verdict == "bad" for finding in found)
+    bad = sum(finding.verdict == "bad" for finding in findings)
     if as_json:
-        print_json({"findings": found, "bad": bad})
+        print_json({"findings": findings, "bad": bad})
     elif not verbose:
-        for line in _summary(found):
+        for line in _summary(findings):
             typer.echo(line)
     if bad:
         raise UserError(f"{bad} problem{'s' if bad > 1 else ''} to fix")
@@ -49,10 +49,10 @@ def _line(finding: Finding) -> str:
 
 
 def _summary(findings: Sequence[Finding]) -> Iterator[str]:
-    """What is not good, the bad first, and how many of each there are."""
+    """Yield the findings that are not good, the bad first, and the number of each verdict."""
     counts = Counter(finding.verdict for finding in findings)
     wrong = [finding for verdict in ("bad", "note") for finding in findings if finding.verdict == verdict]
-    yield from map(_line, wrong[:_SHOWN])
-    more = f", {len(wrong) - _SHOWN} of which are not above" if len(wrong) > _SHOWN else ""
+    yield from map(_line, wrong[:_MAX_LINES])
+    more = f", {len(wrong) - _MAX_LINES} of which are not above" if len(wrong) > _MAX_LINES else ""
     notes = f"{counts['note']} note{'s' if counts['note'] != 1 else ''}"
     yield f"{counts['good']} ok, {notes}, {counts['bad']} bad{more}; -v prints all"

@@ -16,7 +16,7 @@ from palpate_commands.distribution import KINDS, distribution
 
 _PACKAGE = "palpate_commands"
 _VERSION = 'palpate = "0.2"                        # the version for which this is written'
-_NEXT = {
+_NEXT_COMMANDS = {
     "ur3e": "palpate rehearse {0}   # in simulated time; nothing real moves",
     "raster-ur3e": "palpate rehearse {0} --out rehearsal\npalpate map rehearsal",
     "breast-ur3e": "palpate check motion {0}   # docs/tutorials/breast.md goes on from here",
@@ -24,7 +24,7 @@ _NEXT = {
     "calibrate": "palpate calibrate {0} --yes",
 }
 _DEVICE = re.compile(r"^\[device\.", re.MULTILINE)
-_BESIDE = {"log": ("log.csv",), "breast-ur3e": ("breast.obj",)}
+_EXAMPLE_FILES = {"log": ("log.csv",), "breast-ur3e": ("breast.obj",)}
 
 
 def init(
@@ -48,36 +48,37 @@ def init(
     Kinds of plugins: tip, model, filter, device, arm, trajectory, analysis.
     """
     if plugin is None:
-        _pipeline(what, out)
+        _write_pipeline(what, out)
     elif what is None:
         raise ConfigurationError(f"--plugin {plugin}: its name is missing: palpate init --plugin {plugin} NAME")
     else:
-        _plugin(plugin, what, out)
+        _write_plugin(plugin, what, out)
 
 
-def _pipeline(what: str | None, out: Path | None) -> None:
+def _write_pipeline(name: str | None, out: Path | None) -> None:
+    """Write the template of a name, with its example files; raises OutputError where one exists."""
     offers = registry.offers("palpate_templates", Template)
     texts = {name: offer.text() for name, offer in offers.items()}
-    known = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
-    what = what or _answer({name: offers[name].help for name in known})
-    if what not in known:
-        raise ConfigurationError(f"no pipeline {what!r} to start from{suggest(what, known)}")
-    file = out or Path(f"{what}.toml")
-    text = _written(known[what], Path(offers[what].path).name, str(file))
-    beside = {name: file.parent / name for name in _BESIDE.get(what, ())}
-    for path in (file, *beside.values()):
+    pipelines = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
+    name = name or _ask({name: offers[name].help for name in pipelines})
+    if name not in pipelines:
+        raise ConfigurationError(f"no pipeline {name!r} to start from{suggest(name, pipelines)}")
+    file = out or Path(f"{name}.toml")
+    text = _user_text(pipelines[name], Path(offers[name].path).name, str(file))
+    examples = {example: file.parent / example for example in _EXAMPLE_FILES.get(name, ())}
+    for path in (file, *examples.values()):
         if path.exists():
             raise OutputError(f"{path}: exists already, and nothing is ever overwritten; give another one with -o FILE")
     file.parent.mkdir(parents=True, exist_ok=True)
     write_new(file, text)
-    for name, path in beside.items():
-        write_new(path, files(_PACKAGE).joinpath("templates", name).read_text(encoding="utf-8"))
-    written = ", ".join(str(path) for path in (file, *beside.values()))
-    typer.echo(f"written: {written}; now:\n{_NEXT.get(what, 'palpate run {0}').format(file)}")
+    for example, path in examples.items():
+        write_new(path, files(_PACKAGE).joinpath("templates", example).read_text(encoding="utf-8"))
+    paths = ", ".join(str(path) for path in (file, *examples.values()))
+    typer.echo(f"written: {paths}; now:\n{_NEXT_COMMANDS.get(name, 'palpate run {0}').format(file)}")
 
 
-def _answer(texts: Mapping[str, str]) -> str:
-    """The template that a person chooses; raises ConfigurationError without an answer."""
+def _ask(texts: Mapping[str, str]) -> str:
+    """Return the name of the template that a person chooses; raises ConfigurationError without an answer."""
     for name, text in texts.items():
         typer.echo(f"  {name:<12} {text}", err=True)
     try:
@@ -86,15 +87,16 @@ def _answer(texts: Mapping[str, str]) -> str:
         raise ConfigurationError(f"no answer; palpate init NAME writes one of {', '.join(texts)}") from error
 
 
-def _written(text: str, name: str, file: str) -> str:
-    """A pipeline of the repository as one of a user's: by its own name, with the version that it is for."""
+def _user_text(text: str, name: str, file: str) -> str:
+    """Return a pipeline of the repository as a user's: with the name of its file, and the version that it is for."""
     lines = [line for line in text.splitlines() if not line.startswith("#:schema")]
     lines = [line.replace(f"pipelines/{name}", file) for line in lines]
     head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     return "\n".join([*lines[:head], "", _VERSION, *lines[head:]]) + "\n"
 
 
-def _plugin(kind: str, name: str, out: Path | None) -> None:
+def _write_plugin(kind: str, name: str, out: Path | None) -> None:
+    """Write a distribution with a part of a kind; raises ConfigurationError for an unknown kind or an invalid name."""
     if kind not in KINDS:
         raise ConfigurationError(f"--plugin: no kind {kind!r}{suggest(kind, KINDS)}")
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):

@@ -11,13 +11,14 @@ import numpy as np
 from palpate import ConfigurationError, ForceControlled, Trajectory, duration_of, setpoints_at, to_si
 from palpate_engine import Pipeline, check_motion, single_trajectory
 
-_STEP = 2e-3  # [s]
-_CLEAR = 1e-3  # [m] that the tip stays above the skin of the work frame
+# Choices.
+_TIME_STEP = 2e-3  # [s] of the search for the lowest setpoint: the period of a servo loop at 500 Hz
+_MIN_HEIGHT = 1e-3  # [m] of the tip above the skin of the work frame
 _PERCENT = re.compile(r"\s*([0-9.eE+-]+)\s*%\s*")
 
 
 def lifted(pipeline: Pipeline, lift: str, speed: str | None) -> Pipeline:
-    """The same pipeline with its motion at a height above its own.
+    """Return the same pipeline with its motion at a height above its own.
 
     Raises ConfigurationError for an invalid height or speed, a tip not clear of the skin, or a broken limit.
     """
@@ -27,20 +28,21 @@ def lifted(pipeline: Pipeline, lift: str, speed: str | None) -> Pipeline:
     if isinstance(motion, ForceControlled):
         raise ConfigurationError(f"--lift: a force leads [trajectory.{name}], and above the specimen no force acts")
     lowest = _lowest(motion)
-    if lowest + height < _CLEAR:
+    if lowest + height < _MIN_HEIGHT:
         raise ConfigurationError(
             f"--lift {lift}: the tip would still go to z = {1e3 * (lowest + height):.1f} mm; at least "
-            f"{1e3 * math.ceil(1e3 * (_CLEAR - lowest)) / 1e3:g} mm keep it 1 mm above the skin of the work frame"
+            f"{1e3 * math.ceil(1e3 * (_MIN_HEIGHT - lowest)) / 1e3:g} mm keep it 1 mm above the skin of the work frame"
         )
     part: Any = pipeline.registry.find("trajectory", "lifted-motion")
-    there = part(of=motion, lift=height, pace=pace)
-    if pipeline.safety is not None and (problems := check_motion(there, pipeline.safety).problems):
+    lifted_motion = part(of=motion, lift=height, pace=pace)
+    if pipeline.safety is not None and (problems := check_motion(lifted_motion, pipeline.safety).problems):
         lines = "\n".join(f"  {problem}" for problem in problems)
         raise ConfigurationError(f"--lift {lift}: the motion up there breaks the limits of [safety]:\n{lines}")
-    return replace(pipeline, trajectories={name: there})
+    return replace(pipeline, trajectories={name: lifted_motion})
 
 
 def _height(text: str) -> float:
+    """Return the height [m] of `--lift`; raises ConfigurationError unless it is above 0."""
     try:
         height = to_si(text, "m")
     except ValueError as error:
@@ -51,6 +53,7 @@ def _height(text: str) -> float:
 
 
 def _pace(text: str | None) -> float:
+    """Return the share of the speed of `--speed`; raises ConfigurationError unless it is above 0 and at most 1."""
     if text is None:
         return 1.0
     match = _PERCENT.fullmatch(text)
@@ -64,6 +67,6 @@ def _pace(text: str | None) -> float:
 
 
 def _lowest(motion: Trajectory) -> float:
-    """The lowest height [m] of a motion."""
-    times = np.arange(0.0, duration_of(motion) + _STEP, _STEP)
+    """Return the lowest height [m] of a motion."""
+    times = np.arange(0.0, duration_of(motion) + _TIME_STEP, _TIME_STEP)
     return float(setpoints_at(motion, times).position[:, 2].min())

@@ -33,19 +33,19 @@ def list_parts(
     if plugins:
         list_plugins(registry, as_json)
         return
-    every = {kind: sorted(entries.items()) for kind, entries in registry.parts.items()}
+    sorted_parts = {kind: sorted(entries.items()) for kind, entries in registry.parts.items()}
     usable = {
         kind: [
             (name, entry)
-            for name, entry in every[kind]
+            for name, entry in entries
             if entry.problem is None and _has(word, kind, name, _summary(entry.part), entry.plugin.name)
         ]
-        for kind in every
+        for kind, entries in sorted_parts.items()
     }
     if word is not None:
         usable = {kind: entries for kind, entries in usable.items() if entries}
         if not usable:
-            names = [*every, *(name for entries in every.values() for name, _ in entries)]
+            names = [*sorted_parts, *(name for entries in sorted_parts.values() for name, _ in entries)]
             raise ConfigurationError(f"no part has the word {word!r}{suggest(word, names)}")
     if as_json:
         print_json(
@@ -60,8 +60,8 @@ def list_parts(
             typer.echo(f"[{kind}.*]")
             for name, entry in entries:
                 typer.echo(f"  {name:<{width}}  {_summary(entry.part)}  ({entry.plugin.name})")
-    problems = [entry.problem for entries in every.values() for _, entry in entries if entry.problem is not None]
-    for notice in (*registry.notices, *problems):
+    problems = [entry.problem for entries in sorted_parts.values() for _, entry in entries]
+    for notice in (*registry.notices, *(problem for problem in problems if problem is not None)):
         typer.echo(notice, err=True)
 
 
@@ -82,11 +82,11 @@ def list_plugins(registry: Registry, as_json: bool) -> None:
         return
     typer.echo(f"interface {API} of palpate")
     for row in rows:
-        stated = "states no interface" if row["interface"] is None else f"interface {row['interface']}"
-        typer.echo(f"  {row['name']}: {stated}")
+        interface = "states no interface" if row["interface"] is None else f"interface {row['interface']}"
+        typer.echo(f"  {row['name']}: {interface}")
         for use in row["deprecated"]:
-            where = f"{use['name']} ({use['place']}) goes in {use['gone_in']}"
-            typer.echo(f"    {where}: import from {use['replacement']}")
+            removal = f"{use['name']} ({use['place']}) goes in {use['gone_in']}"
+            typer.echo(f"    {removal}: import from {use['replacement']}")
         for use in row["not_promised"]:
             typer.echo(f"    {use['name']} ({use['place']}) is not promised: it may change with any version")
     for notice in registry.notices:

@@ -1,4 +1,4 @@
-"""Looking at a live rig without moving it: what `palpate doctor` finds."""
+"""The examination of a live rig, without moving it: the findings of `palpate doctor`."""
 
 from __future__ import annotations
 
@@ -23,14 +23,18 @@ from palpate_engine import (
     payloads,
 )
 
-_RATE = 0.02  # of the nominal rate
-_LATE = 0.01  # [s]
-_CORES, _NEEDED = 2, 1.2  # of the host; that a run keeps busy
+# Choices.
+_RATE_TOLERANCE = 0.02  # of the nominal rate
+_MAX_LATENESS = 0.01  # [s] of all readings but 1 %
+_LATE_QUANTILE = 0.99
+_MIN_INTERVALS = 10  # between readings, for a rate
+_MIN_CORES = 2  # of the host
+_BUSY_CORES = 1.2  # that a run keeps busy
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at."""
+    """One finding, with its verdict."""
 
     verdict: Literal["good", "note", "bad"]
     subject: str
@@ -38,7 +42,7 @@ class Finding:
 
 
 def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
-    """Connect every live device, listen for a while [s], judge; nothing is commanded to move."""
+    """Yield the findings on every live device, listened to for a while [s]; nothing is commanded to move."""
     if any(device.live for device in pipeline.devices.values()):  # else no arm could move
         yield from _motion(pipeline)
         yield _host()
@@ -49,31 +53,32 @@ def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
                 yield Finding("note", name, "is not live: nothing to examine")
                 continue
             try:
-                links[name] = stack.enter_context(_listening(device, pipeline.run.seed))
+                links[name] = stack.enter_context(_connection(device, pipeline.run.seed))
                 yield Finding("good", name, "is connected")
             except DeviceError as error:
                 yield Finding("bad", name, str(error))
         if links:
-            yield from _listened(pipeline, links, duration)
+            yield from _listen(pipeline, links, duration)
 
 
 def _host() -> Finding:
-    """Whether this computer has room for a run: its cores, and what other programs take of them."""
+    """Return the finding on this computer: its cores, and the load of other programs."""
     cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     text = f"{cores} core{'s' if cores > 1 else ''} for this program, a load of {load:.1f} in the last minute"
-    if cores < _CORES:
+    if cores < _MIN_CORES:
         return Finding("note", "host", f"{text}: too small, robot and sensor have to share with estimates and page")
-    if load > cores - _NEEDED:
+    if load > cores - _BUSY_CORES:
         return Finding("note", "host", f"{text}: other programs leave too little, estimates and page will be late")
     return Finding("good", "host", text)
 
 
-def _listening(device: Device, seed: int) -> AbstractContextManager[Link]:
-    """A program that runs on an arm is not for us to replace."""
+def _connection(device: Device, seed: int) -> AbstractContextManager[Link]:
+    """Return the connection to a device; an arm is only observed, so that a program that runs on it goes on."""
     return device.observe(seed) if isinstance(device, Observable) else device.connect(seed)
 
 
 def _motion(pipeline: Pipeline) -> Iterator[Finding]:
+    """Yield the findings on the motions of a pipeline, by computation."""
     for name, trajectory in pipeline.trajectories.items():
         if pipeline.safety is None:
             yield Finding("bad", f"trajectory {name}", "no [safety] table to check it against")
@@ -82,18 +87,18 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
         report = check_motion(trajectory, pipeline.safety)
         yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
         if not report.problems:
-            most, unfelt = report.peak_force, report.unfelt_force
-            text = f"keeps the limits; at most {most:.1f} N by computation, and {unfelt:.1f} N by its depth alone"
+            forces = f"{report.peak_force:.1f} N by computation, and {report.unfelt_force:.1f} N by its depth alone"
+            text = f"keeps the limits; at most {forces}"
             yield Finding("good", f"trajectory {name}", text)
 
 
 def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:
-    for name, own in own_motions(pipeline.devices).items():
-        yield from (Finding("bad", name, problem) for problem in check_own_motion(own, limits))
+    for name, motion in own_motions(pipeline.devices).items():
+        yield from (Finding("bad", name, problem) for problem in check_own_motion(motion, limits))
 
 
 def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
-    """The ways to the start, from where the arms stand now."""
+    """Yield the findings on the ways to the start, from where the arms stand now."""
     for name, trajectory in pipeline.trajectories.items():
         for arm, link in links.items():
             if pipeline.safety is None:
@@ -111,16 +116,17 @@ def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
                 yield Finding("good", arm, text)
 
 
-def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
+def _listen(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
+    """Yield the findings on the readings of a while [s]: rates, standstill, ways to the start, health, calibration."""
     streams = pipeline.ports.streams
     guard = Guard(pipeline.safety, pipeline.ports)
     live = LiveLinks(links, pipeline.devices, guard)
-    heard: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
+    batches: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
     live.start()
     try:
         for arrivals in live.until(clock().now() + duration):
             for name, batch in arrivals:
-                heard[name, batch.stream].append(batch)
+                batches[name, batch.stream].append(batch)
     finally:
         live.stop()
     if guard.reason is not None:
@@ -128,13 +134,13 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
         return
     for name in links:
         for stream in streams[name]:
-            yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
+            yield from _stream(f"{name}.{stream.name}", stream, batches[name, stream.name], pipeline.alignment.gap)
     if len(links) == len(pipeline.devices):
         yield _standstill(guard, declared_noise(pipeline))
     yield from _ways(pipeline, links)
     for name, link in links.items():
         if isinstance(link, ReportsHealth):
-            yield from (Finding("good", name, line) for line in _lines(link.health))
+            yield from (Finding("good", name, line) for line in _health_lines(link.health))
             yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
     if pipeline.calibration is not None:
         health = {name: link.health for name, link in links.items() if isinstance(link, ReportsHealth)}
@@ -144,45 +150,48 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
 
 
 def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:
+    """Yield the findings on a stream: rate, pauses above a `gap` [s], lateness, invalid readings."""
     if not batches:
         yield Finding("bad", name, "sends nothing")
         return
     stamps, received = (np.concatenate([getattr(b, key) for b in batches]) for key in ("time", "received"))
-    step = np.diff(stamps) / 1e9
-    if len(step) < 10:
+    intervals = np.diff(stamps) / 1e9
+    if len(intervals) < _MIN_INTERVALS:
         yield Finding("bad", name, f"sent only {len(stamps)} readings")
         return
-    rate, longest = 1.0 / float(step.mean()), float(step.max())
-    usual = stream.rate is None or abs(rate / stream.rate - 1.0) < _RATE
-    wanted = "" if usual else f" (nominally {stream.rate:g} Hz)"
-    yield Finding("good" if usual else "note", name, f"{rate:.1f} Hz{wanted}, longest pause {1e3 * longest:.1f} ms")
+    rate, longest = 1.0 / float(intervals.mean()), float(intervals.max())
+    is_nominal = stream.rate is None or abs(rate / stream.rate - 1.0) < _RATE_TOLERANCE
+    remark = "" if is_nominal else f" (nominally {stream.rate:g} Hz)"
+    text = f"{rate:.1f} Hz{remark}, longest pause {1e3 * longest:.1f} ms"
+    yield Finding("good" if is_nominal else "note", name, text)
     if longest > gap:
         yield Finding("bad", name, f"a pause of {1e3 * longest:.0f} ms is a gap for [alignment] gap = {1e3 * gap:g} ms")
-    yield from _arrival(name, (received - stamps) / 1e9)
+    yield from _lateness(name, (received - stamps) / 1e9)
     invalid = sum(int(np.count_nonzero(~batch.valid)) for batch in batches)
     if invalid:
         yield Finding("bad", name, f"{invalid} of {len(stamps)} readings are invalid")
 
 
-def _arrival(name: str, late: Floats) -> Iterator[Finding]:
-    median, p99 = float(np.median(late)), float(np.quantile(late, 0.99))
-    if p99 > _LATE:
+def _lateness(name: str, lateness: Floats) -> Iterator[Finding]:
+    """Yield a note on readings that arrive late, by their lateness (n,) [s]."""
+    median, p99 = float(np.median(lateness)), float(np.quantile(lateness, _LATE_QUANTILE))
+    if p99 > _MAX_LATENESS:
         text = f"arrives late: {1e3 * median:.2f} ms, 1 % later than {1e3 * p99:.1f} ms; is its latency timer at 1 ms?"
         yield Finding("note", name, text)
 
 
 def _standstill(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
     try:
-        found = guard.judge_standstill(declared)
+        standstill = guard.judge_standstill(declared)
     except DeviceError as error:
         return Finding("bad", "standstill", str(error))
-    text = f"force {found.force:.3f} N, noise {found.force_std:.4f} N"
-    if found.velocity_std is not None:
-        text += f"; noise of the velocity {1e3 * found.velocity_std:.3f} mm/s"
+    text = f"force {standstill.force:.3f} N, noise {standstill.force_std:.4f} N"
+    if standstill.velocity_std is not None:
+        text += f"; noise of the velocity {1e3 * standstill.velocity_std:.3f} mm/s"
     return Finding("good", "standstill", text)
 
 
-def _lines(health: Mapping[str, Any]) -> Iterator[str]:
+def _health_lines(health: Mapping[str, Any]) -> Iterator[str]:
     for key, value in health.items():
         if not isinstance(value, Mapping) and key != "say":
             yield f"{key.replace('_', ' ')}: {value:.3g}" if isinstance(value, float) else f"{key}: {value}"

@@ -23,7 +23,8 @@ from palpate_kit.terminal.table import console
 
 from palpate_commands.lifted_run import lifted
 
-_LOGS = (".mcap", ".db3", ".csv", ".gz")
+_LOG_SUFFIXES = (".mcap", ".db3", ".csv", ".gz")
+_DETAILS_WIDTH = 120  # characters of a line with details: a choice
 
 
 @with_facts
@@ -45,7 +46,7 @@ def run(
     form: FormatOption = "table",
 ) -> None:
     """Run a pipeline; print the results and where they are written."""
-    if file.is_dir() or file.suffix in _LOGS:
+    if file.is_dir() or file.suffix in _LOG_SUFFIXES:
         raise ConfigurationError(f"{file}: is not a pipeline file; `palpate replay` estimates a recorded run again")
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
     assignments += ["run.report=true"] if report else []
@@ -65,16 +66,16 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     for notice in pipeline.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:
-        shown = None
+        screen = None
         for name, display in [] if as_json else list(pipeline.registry.displays.items())[:1]:
-            shown = stack.enter_context(context_of(function_of(display)(pipeline), f"display {name}"))
-        result = run_pipeline(pipeline, out, shown and shown.progress, shown)
+            screen = stack.enter_context(context_of(function_of(display)(pipeline), f"display {name}"))
+        result = run_pipeline(pipeline, out, screen and screen.progress, screen)
     if result.signal == signal.SIGHUP:  # the terminal is gone
         result.demand_whole()
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
     else:
-        terminal = console(120 if details else WIDTH)
+        terminal = console(_DETAILS_WIDTH if details else WIDTH)
         for view in result_views(pipeline, result, details):
             print_view(terminal, view)
         if (lift := result.run.get("lifted")) is not None:
@@ -82,14 +83,14 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
                 f"lifted by {1e3 * lift['height']:g} mm, at {lift['pace']:.0%} of the speed: nothing was palpated"
             )
         typer.echo(f"written to {result.folder}", err=layout() != "table")
-    for line in _reported(pipeline, result.folder):
+    for line in _report_lines(pipeline, result.folder):
         typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()
     result.demand_no_failure()
 
 
-def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
-    """Where the reports of plugins are that the pipeline requests, or how to have them later."""
+def _report_lines(pipeline: Pipeline, folder: Path) -> Iterator[str]:
+    """Yield the path of each report that the pipeline requests, or the command that writes it later."""
     for name, report in pipeline.registry.reports.items():
         if pipeline.run.report:
             yield f"{name}: {function_of(report)(folder)}"

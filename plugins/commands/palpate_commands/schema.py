@@ -40,8 +40,8 @@ def schema(
 
     `palpate describe schema result` prints that of result.json, for programs that read what a run found.
     """
-    known = pipeline_schema(registries.load()) if of == "pipeline" else result_schema()
-    text = json.dumps(known, indent=2)
+    json_schema = pipeline_schema(registries.load()) if of == "pipeline" else result_schema()
+    text = json.dumps(json_schema, indent=2)
     if output is None:
         typer.echo(text)
         return
@@ -52,7 +52,7 @@ def schema(
 
 
 def pipeline_schema(registry: Registry) -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
+    """Return the JSON schema (draft 2020-12) of every table, key and part of the loaded plugins."""
     definitions: dict[str, Any] = {"unchecked keys": _UNCHECKED}
     properties: dict[str, Any] = {
         KEY: {"type": "string", "description": f'version for which the file is written; currently "{FORMAT}"'},
@@ -94,11 +94,11 @@ def _kind(kind: str, entries: Mapping[str, Entry], definitions: dict[str, Any]) 
         table = _table(entry.part, f"{kind}:{key}", definitions)
         table["properties"] = {"type": True, **table.get("properties", {})}
         definitions[f"{kind}:{key}"] = table
-        words = list(dict.fromkeys((key, entry.qualified)))
-        names += words
-        chosen: dict[str, Any] = {"const": key} if len(words) == 1 else {"enum": words}
-        is_chosen = {"required": ["type"], "properties": {"type": chosen}}
-        choices.append({"if": is_chosen, "then": {"$ref": f"#/$defs/{kind}:{key}"}})
+        part_names = list(dict.fromkeys((key, entry.qualified)))
+        names += part_names
+        name_schema: dict[str, Any] = {"const": key} if len(part_names) == 1 else {"enum": part_names}
+        condition = {"required": ["type"], "properties": {"type": name_schema}}
+        choices.append({"if": condition, "then": {"$ref": f"#/$defs/{kind}:{key}"}})
     return {
         f"{kind} table": {
             "type": "object",
@@ -116,7 +116,7 @@ def _kind(kind: str, entries: Mapping[str, Entry], definitions: dict[str, Any]) 
 
 
 def _table(settings: type[Settings], owner: str, definitions: dict[str, Any]) -> dict[str, Any]:
-    """The schema of one table; what it refers to is defined under its owner's name, as two plugins may share a name."""
+    """Return the schema of one table; its references are defined under its owner's name, as plugins may share names."""
     schema = settings.model_json_schema(mode="validation", ref_template=f"#/$defs/{owner}.{{model}}")
     kinds = {root.__name__: kind for kind, (_, root) in KINDS.items()}
     for name, inner in schema.pop("$defs", {}).items():

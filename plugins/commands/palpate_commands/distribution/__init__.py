@@ -18,8 +18,8 @@ _OFFERS = {
     "analysis": ("histogram", "", "palpate_commands", "", ""),
 }
 KINDS = tuple(_OFFERS)
-# What a kind has besides its module and its test, by its path in the distribution.
-_MORE = {
+# The files of a kind besides its module and its test, by path in the distribution.
+_EXTRA_FILES = {
     "arm": {
         "{package}/driver.py": "arm_driver.txt",
         "{package}/software_arm.py": "arm_software.txt",
@@ -36,7 +36,7 @@ def distribution(kind: str, name: str) -> dict[str, str]:
     """Return the files of a distribution by their path in its folder."""
     package, short = name.replace("-", "_"), name.removeprefix("palpate-")
     module, class_, hook, root, part = _OFFERS[kind]
-    words = {
+    placeholders = {
         "name": name,
         "package": package,
         "kind": kind,
@@ -54,11 +54,11 @@ def distribution(kind: str, name: str) -> dict[str, str]:
         "README.md": "arm_readme.txt" if kind == "arm" else "readme.txt",
         f"{package}/__init__.py": "analysis_hook.txt" if kind == "analysis" else "part_hook.txt",
     }
-    texts = {path: Template(_text(source)).substitute(words) for path, source in shared.items()}
+    texts = {path: Template(_text(source)).substitute(placeholders) for path, source in shared.items()}
     texts[f"{package}/py.typed"] = ""
-    own = {f"{package}/{module}.py": f"{kind}.txt", f"tests/test_{package}.py": f"{kind}_test.txt"}
-    own |= {path.format(package=package): source for path, source in _MORE.get(kind, {}).items()}
-    for path, source in own.items():
+    kind_files = {f"{package}/{module}.py": f"{kind}.txt", f"tests/test_{package}.py": f"{kind}_test.txt"}
+    kind_files |= {path.format(package=package): source for path, source in _EXTRA_FILES.get(kind, {}).items()}
+    for path, source in kind_files.items():
         texts[path] = _text(source).replace("PACKAGE", package).replace("NAME", short).replace("CLASS", short)
     return texts
 
