@@ -7,12 +7,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-PACKAGES = ("palpate_uncertainty", "palpate_engine.result")
+PACKAGES = ("palpate_uncertainty", "palpate_engine.result", "palpate.evidence")
 _HEAD = """# Thresholds
 
 Here you can look up each number that decides a verdict or enters an uncertainty: its value, and what it decides.
-The page is made from the constants of `palpate_uncertainty` and `palpate_engine.result`. A number without another
-origin is a choice, whose rates of error stand in [decisions](../decisions/README.md). What an alternative of a fact is,
+The page is made from the constants of `palpate_uncertainty`, `palpate_engine.result` and `palpate.evidence`. A number
+without another origin is a choice, whose rates of error stand in [decisions](../decisions/README.md). What an alternative of a fact is,
 such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see [facts](../rig-facts.md).
 """
 # Words of a comment by which a number has another origin than a choice.

@@ -20,7 +20,7 @@ FORMER_FLAGS = {
 }
 _MAX_SHIFT = 0.5  # of a value, or of its interval of two standard uncertainties, a choice: a larger one needs the fact
 _MAX_SHARE = 10.0  # a choice: a share beyond it, 1000 %, is shown as "more than tenfold"
-_PERCENT = 100
+_PERCENT = 100  # per cent of a whole
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,8 @@ _ROW_REMEDIES = dict.fromkeys(("poisson", "timing", "tare", "mass", "radius", "h
     "settling": "record for longer",
 }
 _PER_TIME = re.compile(r"\bs\b")  # in the unit of a viscosity
+_COVERAGE_FACTOR = 2.0  # standard uncertainties from 0, within which a value is not determined: 95 % of normal noise
+_MAX_LISTED = 10.0  # of a value: a larger effect is shown as "more than tenfold"; a choice
 _MIN_LISTED = 1e-3  # of a value: effects below are not listed; a choice
 
 
@@ -138,12 +140,12 @@ def _undetermined_flags(noted: set[str], values: Mapping[str, UncertainValue]) -
             continue
         if value.unknown or math.isnan(u):
             yield Flag("undetermined", f"the uncertainty of {name} is not known", effects={name: math.inf})
-        elif 2 * u > abs(value.value):
+        elif _COVERAGE_FACTOR * u > abs(value.value):
             rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
             largest = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
             row = "noise" if largest == "the estimator" else largest.replace("_", "-")
             unit, factor = display_unit(value.unit)
-            size = f"{float(f'{factor * (abs(value.value) + 2 * u):.3g}'):g} {unit}"
+            size = f"{float(f'{factor * (abs(value.value) + _COVERAGE_FACTOR * u):.3g}'):g} {unit}"
             text = f"{name} is at most {size}; most of its ± is {row_words(row)}"
             yield Flag("undetermined", text, effects={name: u}, remedy=_row_remedy(row, value.unit), suspects=(row,))
 
@@ -173,4 +175,4 @@ def _percent(share: float) -> str:
     """Return a share in words, to two digits."""
     if not math.isfinite(share):
         return "any amount"
-    return f"{float(f'{100 * share:.2g}'):g} %" if share < 10 else "more than tenfold"
+    return f"{float(f'{100 * share:.2g}'):g} %" if share < _MAX_LISTED else "more than tenfold"

@@ -18,9 +18,10 @@ _SURFACE_UNIT = 1e-4  # [m], unit of the surface among the unknowns (choice)
 _DELAY_UNIT = 1e-3  # [s], unit of the delay among the unknowns (choice)
 _RELATIVE_STEP = 1e-4  # of the differences that are slopes: far above rounding, far below the curvature
 _MAX_EVALUATIONS = 30  # of the residuals, where the fit gives up (choice)
-# The sum of autocovariances ends at five of its own times (Sokal 1997; decision 0052).
-_WINDOW_TIMES = 5.0  # of the residuals' own autocorrelation time, at which it is cut off
+# The sum of autocovariances.
+_WINDOW_TIMES = 5.0  # of the residuals' own autocorrelation time, at which it is cut off (Sokal 1997; decision 0052)
 _MAX_LAGS = 50  # of that sum: a choice of time
+_SAMPLES_PER_LAG = 4  # of an autocovariance, at least (choice)
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def variance_inflation(residual: Floats) -> float:
     A sum over all lags would scatter by a fifth for white residuals (Sokal 1997).
     """
     power, total = float(residual @ residual), 1.0
-    for lag in range(1, min(_MAX_LAGS, len(residual) // 4) if power else 1):
+    for lag in range(1, min(_MAX_LAGS, len(residual) // _SAMPLES_PER_LAG) if power else 1):
         total += 2.0 * float(residual[lag:] @ residual[:-lag]) / power
         if lag >= _WINDOW_TIMES * total:
             break
