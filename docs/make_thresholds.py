@@ -12,8 +12,9 @@ _HEAD = """# Thresholds
 
 Here you can look up each number that decides a verdict or enters an uncertainty: its value, and what it decides.
 The page is made from the constants of `palpate_uncertainty`, `palpate_engine.result` and `palpate.evidence`. A number
-without another origin is a choice, whose rates of error stand in [decisions](../decisions/README.md). What an alternative of a fact is,
-such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see [facts](../rig-facts.md).
+without another origin is a choice, whose rates of error stand in [decisions](../decisions/README.md). What an
+alternative of a fact is, such as a delay of 10 ms, stands here as well; what is stated of a rig does not: see
+[facts](../rig-facts.md).
 """
 # Words of a comment by which a number has another origin than a choice.
 _LAW = (
