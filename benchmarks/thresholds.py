@@ -81,7 +81,7 @@ def modules() -> list[ModuleType]:
 
 
 def constants(judging: Sequence[ModuleType]) -> Iterator[Constant]:
-    """Yield the thresholds that are no law, no numerics and not of a record."""
+    """Yield the thresholds without laws, numerics and those of records."""
     by_name = {(module.__name__.partition(".")[0], module.__name__.rpartition(".")[2]): module for module in judging}
     for package in make_thresholds.PACKAGES:
         for row in make_thresholds.thresholds(package):

@@ -7,7 +7,7 @@ import pytest
 from palpate import Channel, LogError, Stream
 from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder, Trace
-from palpate_calibration.motion_segments import Segment, shake_segments, standing_still
+from palpate_calibration.motion_segments import Segment, shake_segments, standstill_segments
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake_analysis import shake_fit
@@ -176,7 +176,7 @@ def test_several_shakes_in_one_log_are_repeats():
 def test_rest_and_shake_are_found():
     record = recorded(rig(), Shake(amplitude=0.005, duration=5.0, standstill=1.5))
     (shake,) = shake_segments(record, 0.2)
-    still = standing_still(record)
+    still = standstill_segments(record)
     assert len(still) == 2
     assert 0.0 <= still[0].begin < still[0].end <= 1.6
     assert shake.begin > 2.4

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Making a calibration."""
+    """Return the command that makes a calibration."""
     return {
         "calibrate": Command(
             "palpate_calibration.calibrate_command:calibrate",
@@ -24,7 +24,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """How a calibration is made."""
+    """Return the settings of a calibration."""
     from palpate_calibration.settings import CalibrationSettings
 
     return {"calibration": CalibrationSettings}
@@ -32,13 +32,13 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, CalibrationReader]]:
-    """What a run takes from a calibration."""
+    """Return the reader of the calibration that a run names."""
     return {"calibration": {"calibration": CalibrationReader("palpate_calibration.calibration_use:calibration_in")}}
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """Flags on a calibration."""
+    """Return the meanings of flags on a calibration."""
     from palpate_calibration.flags import CALIBRATION_FLAGS
 
     return CALIBRATION_FLAGS

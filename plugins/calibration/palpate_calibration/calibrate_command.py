@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from palpate_calibration.guided_calibration import Guide
     from palpate_calibration.protocol import StepFindings
 
-# SI unit -> what people write, and how many of it one SI unit is.
-_PEOPLE = {
+_WIDTH = 120  # characters of a line of the table: a choice
+# SI unit -> the unit on the screen, and how many of it one SI unit is.
+_DISPLAY_UNITS = {
     "kg": ("g", 1e3),
     "s": ("ms", 1e3),
     "m": ("µm", 1e6),
@@ -34,7 +35,7 @@ _PEOPLE = {
     "N/s": ("mN/s", 1e3),
     "m/N": ("µm/N", 1e6),
 }
-_MEANING = {
+_MEANINGS = {
     "mass": "mass behind the sensor",
     "delay": "force later than position",
     "velocity_delay": "velocity later than position",
@@ -92,11 +93,12 @@ def calibrate(
     _refuse_target(target, force)
     part = target.with_suffix(".part.toml")
     calibration, session, records = run_calibration(plan, _guide(part, yes))
-    words = ["palpate", "calibrate", str(file), *(word for text in overrides or () for word in ("--set", text))]
-    write_rig(target, calibration.model_copy(update={"command": shlex.join(words)}).tables())
+    options = [word for assignment in overrides or () for word in ("--set", assignment)]
+    command = shlex.join(["palpate", "calibrate", str(file), *options])
+    write_rig(target, calibration.model_copy(update={"command": command}).tables())
     part.unlink(missing_ok=True)
     with print_aside(as_json):
-        terminal = console(120)
+        terminal = console(_WIDTH)
         if not as_json:
             terminal.print(_table(calibration))
         for line in _lines(calibration, target, file):
@@ -110,7 +112,7 @@ def calibrate(
 
 
 def _guide(part: Path, yes: bool) -> Guide:
-    """Guides a user at the rig from step to step, and keeps the results of each in a file."""
+    """Return the guide that writes to the terminal, and keeps the results of each step in a file."""
     from rich.console import Console
 
     from palpate_calibration.guided_calibration import Guide
@@ -120,19 +122,19 @@ def _guide(part: Path, yes: bool) -> Guide:
     def say(text: str) -> None:
         errors.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def found(step: str, session: StepFindings) -> None:
-        for line in _found(session):
+    def show(step: str, session: StepFindings) -> None:
+        for line in _value_lines(session):
             say(line)
 
     def keep(calibration: Calibration) -> None:
         write_whole(part, calibration.text())
         say(f"  kept in {part}")
 
-    return Guide(say, _ask(say, yes), found, keep)
+    return Guide(say, _ask(say, yes), show, keep)
 
 
 def _refuse_target(target: Path, force: bool) -> None:
-    """Before anybody has spent time at the rig."""
+    """Raise OutputError where the file cannot be written, before anybody has spent time at the rig."""
     if target.exists() and read_rig(target).measured and not force:
         raise OutputError(f"{target}: holds a calibration already; --force replaces it, --out writes elsewhere")
     if not target.parent.is_dir():
@@ -140,7 +142,7 @@ def _refuse_target(target: Path, force: bool) -> None:
 
 
 def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
-    """Asks the person at the rig, and waits."""
+    """Return the function that asks the person at the rig, and waits; with `yes` it only says the text."""
 
     def ask(text: str) -> None:
         if yes:
@@ -154,28 +156,29 @@ def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
     return ask
 
 
-def _found(session: StepFindings) -> Iterator[str]:
-    """Results of a step, a line for each value."""
+def _value_lines(session: StepFindings) -> Iterator[str]:
+    """Yield the results of a step, a line for each value."""
     for name, value in session.values.items():
-        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        unit, scale = _DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
         text = value_with_uncertainty(value.value * scale, value.combined * scale)
-        yield f"  {name}: {text} {unit}  ({_MEANING.get(name, '')})"
+        yield f"  {name}: {text} {unit}  ({_MEANINGS.get(name, '')})"
     for note in session.notes:
         yield f"  {note}"
 
 
 def _table(calibration: Calibration) -> object:
+    """Return the table of values with their uncertainties, by where these come from."""
     from rich.table import Table
 
     table = Table(title=calibration.name, title_justify="left")
     for heading in ("", "value", "95 % interval", "unit", "fit", "repeats", "type B"):
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
     for name, value in calibration.values.items():
-        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        unit, scale = _DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
         low, high = (round_number(edge * scale) for edge in value.interval)
         scatter = "" if value.type_a is None else f"{value.type_a * scale:.2g}"
         table.add_row(
-            f"{name}: {_MEANING.get(name, '')}",
+            f"{name}: {_MEANINGS.get(name, '')}",
             value_with_uncertainty(value.value * scale, value.std * scale),
             f"{low} to {high}",
             unit,
@@ -189,13 +192,13 @@ def _table(calibration: Calibration) -> object:
 def _lines(calibration: Calibration, target: Path, file: Path) -> Iterator[str]:
     shake = calibration.shake
     if shake:
-        yield _shaken(shake)
+        yield _shake_text(shake)
     yield from calibration.notes
-    named = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
-    yield f'written to {target}; a pipeline takes it by [run] rig = "{named}"'
+    reference = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
+    yield f'written to {target}; a pipeline takes it by [run] rig = "{reference}"'
 
 
-def _shaken(shake: Mapping[str, Any]) -> str:
+def _shake_text(shake: Mapping[str, Any]) -> str:
     sines = ", ".join(
         f"{f:.3g} Hz {a * 1e3:.3g} mm" for f, a in zip(shake["frequencies"], shake["amplitudes"], strict=True)
     )

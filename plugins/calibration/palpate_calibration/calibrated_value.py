@@ -11,21 +11,24 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.runs.calibration_file import CalibratedValue
 
-_PLENTY = 1e6  # degrees of freedom that count as infinitely many
+_MAX_FREEDOM = 1e6  # degrees of freedom that count as infinitely many: Student's factor is then within 3e-6 of normal
+_MIN_RELATIVE_STD, _MIN_STD = 1e-9, 1e-30  # of a value, and [SI]: a fit without noise divides by no zero
+_ROOT_TOLERANCE = 1e-12  # of the largest possible variance
+_QUANTILE = 0.975  # of the upper end of a 95 % interval
 
 
 @dataclass(frozen=True)
 class RepeatValue:
-    """One repeat's value with the standard uncertainty that its own fit gives it."""
+    """The value of one repeat, with the standard uncertainty by its own fit."""
 
     value: float
     std: float
-    freedom: float = _PLENTY  # degrees of freedom of the uncertainty
+    freedom: float = _MAX_FREEDOM  # degrees of freedom of the uncertainty
 
 
 @dataclass(frozen=True)
 class MeasuredValue:
-    """A value with its uncertainty, by where it comes from [SI].
+    """A value with its uncertainty, by the sources of that [SI].
 
     The repeats are averaged with weights 1/(u^2 + t^2), u of each one's fit and t the scatter beyond the fits, by which
     the weighted squares add up to what is expected of them (Mandel and Paule 1970): where repeats scatter, one whose
@@ -51,25 +54,31 @@ class MeasuredValue:
 
     @classmethod
     def of(cls, repeats: Sequence[RepeatValue], unit: str, type_b: float = 0.0) -> MeasuredValue:
-        """One value from repeats; at least one is needed."""
+        """Return one value from repeats; at least one is needed."""
         values = np.array([repeat.value for repeat in repeats])
         # A record without noise has a fit without uncertainty; it must not divide by zero.
-        std = np.maximum([repeat.std for repeat in repeats], 1e-9 * np.abs(values) + 1e-30)
-        beyond = _beyond(values, std)
-        weights = 1.0 / (std**2 + beyond)
+        std = np.maximum([repeat.std for repeat in repeats], _MIN_RELATIVE_STD * np.abs(values) + _MIN_STD)
+
+        # Weighted mean (Mandel and Paule 1970).
+        excess_variance = _excess_variance(values, std)
+        weights = 1.0 / (std**2 + excess_variance)
         mean = float((weights * values).sum() / weights.sum())
+
+        # Uncertainty of the fits, of the scatter of the repeats, and of what the scatter adds to the fits.
         fit = float((std**-2).sum() ** -0.5)
         freedom = sum(repeat.freedom for repeat in repeats)
         type_a = float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
-        excess = max(0.0, float(1.0 / weights.sum()) - fit**2) if beyond else 0.0
+        excess = max(0.0, float(1.0 / weights.sum()) - fit**2) if excess_variance else 0.0
         combined = math.sqrt(fit**2 + excess + type_b**2)
+
+        # Student's factor for the degrees of freedom of Welch and Satterthwaite.
         spread = fit**4 / freedom + (excess**2 / (len(values) - 1) if excess else 0.0)
         factor = _student(combined**4 / spread)
         return cls(mean, unit, tuple(values.tolist()), fit, type_a, type_b, combined, factor)
 
 
-def _beyond(values: Floats, std: Floats) -> float:
-    """Variance by which values (n,) scatter beyond their standard uncertainties; 0 where they do not."""
+def _excess_variance(values: Floats, std: Floats) -> float:
+    """Return the variance by which values (n,) scatter beyond their standard uncertainties; 0 where they do not."""
     from scipy.optimize import brentq
 
     def surplus(variance: float) -> float:
@@ -79,8 +88,8 @@ def _beyond(values: Floats, std: Floats) -> float:
 
     if len(values) < 2 or surplus(0.0) <= 0:
         return 0.0
-    most = float(np.ptp(values) ** 2) * len(values)
-    root: Any = brentq(surplus, 0.0, most, xtol=1e-12 * most)
+    max_variance = float(np.ptp(values) ** 2) * len(values)
+    root: Any = brentq(surplus, 0.0, max_variance, xtol=_ROOT_TOLERANCE * max_variance)
     return float(root)
 
 
@@ -98,25 +107,25 @@ def calibrated_value(measured: MeasuredValue) -> CalibratedValue:
     )
 
 
-def scale_value(measured: MeasuredValue, by: float, unit: str) -> MeasuredValue:
-    """Return a value times a number that is known, in another unit."""
-    type_a = measured.type_a * by if measured.type_a is not None else None
+def scale_value(measured: MeasuredValue, factor: float, unit: str) -> MeasuredValue:
+    """Return a value times an exact factor, in another unit."""
+    type_a = measured.type_a * factor if measured.type_a is not None else None
     return MeasuredValue(
-        measured.value * by,
+        measured.value * factor,
         unit,
-        tuple(value * by for value in measured.repeats),
-        measured.fit * by,
+        tuple(value * factor for value in measured.repeats),
+        measured.fit * factor,
         type_a,
-        measured.type_b * by,
-        measured.combined * by,
+        measured.type_b * factor,
+        measured.combined * factor,
         measured.factor,
     )
 
 
 def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
-    """Return the sum of two values that know nothing of each other."""
+    """Return the sum of two independent values."""
 
-    def joined(a: float, b: float) -> float:
+    def root_sum(a: float, b: float) -> float:
         return float((a**2 + b**2) ** 0.5)
 
     repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
@@ -124,15 +133,16 @@ def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
         first.value + second.value,
         first.unit,
         repeats,
-        joined(first.fit, second.fit),
-        joined(first.type_a or 0.0, second.type_a or 0.0),
-        joined(first.type_b, second.type_b),
-        joined(first.combined, second.combined),
+        root_sum(first.fit, second.fit),
+        root_sum(first.type_a or 0.0, second.type_a or 0.0),
+        root_sum(first.type_b, second.type_b),
+        root_sum(first.combined, second.combined),
         max(first.factor, second.factor),
     )
 
 
 def _student(freedom: float) -> float:
+    """Return Student's factor of a 95 % interval."""
     from scipy.stats import t
 
-    return float(t.ppf(0.975, min(max(freedom, 1.0), _PLENTY)))
+    return float(t.ppf(_QUANTILE, min(max(freedom, 1.0), _MAX_FREEDOM)))

@@ -10,6 +10,7 @@ from palpate import Batch, Floats, LogError
 from palpate_engine import AlignmentSettings, Health, Hesitations, Intake, Ports, hesitations
 
 _SECOND = 1_000_000_000  # [ns]
+_MIN_READINGS = 100  # of a signal: a choice; fewer hold no standstill and no shake
 _ROLES = ("force", "position", "velocity")
 
 
@@ -43,22 +44,22 @@ class CalibrationRecord:
 
     @cached_property
     def hesitations(self) -> Hesitations:
-        """Of the arm."""
+        """Hesitations of the arm."""
         return hesitations(self.position.time)
 
     @property
     def begin(self) -> float:
-        """From when on every signal is there [s]."""
+        """Time [s] from which on every signal has readings."""
         return max(float(self.force.time[0]), float(self.position.time[0]))
 
     @property
     def end(self) -> float:
-        """Until when every signal is there [s]."""
+        """Time [s] until which every signal has readings."""
         return min(float(self.force.time[-1]), float(self.position.time[-1]))
 
 
 class CalibrationRecorder:
-    """Feeds on batches, gives a record."""
+    """A recorder of batches, whose readings become a record."""
 
     def __init__(self, settings: AlignmentSettings, ports: Ports) -> None:
         self._ports = ports
@@ -69,13 +70,12 @@ class CalibrationRecorder:
         self._intake.feed(device, batch)
 
     def record(self) -> CalibrationRecord:
-        """What was recorded; raises LogError where a signal has no readings."""
+        """Return the record; raises LogError where a signal has too few readings."""
         recorded = {role: series for role, series in self._intake.series.items() if role in _ROLES}
         for role, series in recorded.items():
-            if len(series.stamps) < 100:
-                raise LogError(
-                    f"calibration: {series.signal.channel} ({role}) has {len(series.stamps)} readings; 100 at least"
-                )
+            if len(series.stamps) < _MIN_READINGS:
+                count = f"{len(series.stamps)} readings; {_MIN_READINGS} at least"
+                raise LogError(f"calibration: {series.signal.channel} ({role}) has {count}")
         origin = min(int(series.stamps[0]) for series in recorded.values())
         tracks = {
             role: Trace((series.stamps - origin) / _SECOND, series.values, self._intake.health[self._ports[role].key])

@@ -23,20 +23,21 @@ from palpate_calibration.orientations import Pose, tools_of, weigh_tool
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.protocol import StepFindings, calibrate, join_steps
 from palpate_calibration.record_acquisition import (
-    Seen,
+    DeviceFacts,
     moves,
     one_pose,
     poses_of_a_log,
     reach_of,
+    reach_text,
     record,
     with_step,
-    words,
 )
 from palpate_calibration.settings import ON_A_PLATE, STEPS, Orientations, StepSettings
 from palpate_calibration.standstill import noise_spectrum
 from palpate_calibration.steps import evaluate_step
 
-_MORE = 2  # attempts at a step's repeats on a live rig
+_MAX_REFUSALS = 2  # records of a step on a live rig that may be unusable: a choice
+_STEP_SEEDS, _REPEAT_SEEDS = 1000, 100  # seeds between steps, and between repeats of orientations
 
 
 def _silent(text: str) -> None:
@@ -45,12 +46,12 @@ def _silent(text: str) -> None:
 
 @dataclass(frozen=True)
 class Guide:
-    """Who leads a person through a calibration."""
+    """Words to the person at the rig, and what becomes of the results of each step."""
 
     say: Callable[[str], None] = _silent
-    ask: Callable[[str], None] = _silent  # returns when it is done
-    found: Callable[[str, StepFindings], None] = lambda step, session: None
-    keep: Callable[[Calibration], None] = lambda calibration: None  # what the steps until now come to
+    ask: Callable[[str], None] = _silent  # returns once the person has done it
+    show: Callable[[str, StepFindings], None] = lambda step, session: None  # the results of a step
+    keep: Callable[[Calibration], None] = lambda calibration: None  # the calibration by the steps so far
 
 
 def run_calibration(
@@ -61,41 +62,41 @@ def run_calibration(
     Raises ConfigurationError where a motion breaks a limit, before anything moves; LogError where a record cannot be
     used; DeviceError where a device fails.
     """
-    guide, seen = guide or Guide(), Seen()
+    guide, facts = guide or Guide(), DeviceFacts()
     steps = plan.settings.steps
     if not steps:
-        one = _unguided(plan, guide, seen)
+        records = _unguided_records(plan, guide, facts)
         guide.say("evaluating")
-        session = calibrate(one, plan.settings)
-        return _calibration(plan, session, seen), session, one
+        session = calibrate(records, plan.settings)
+        return _calibration(plan, session, facts), session, records
     reaches = {name: _reach(plan, name, step) for name, step in steps.items()}
     sessions: dict[str, StepFindings] = {}
-    records: list[CalibrationRecord] = []
+    shake_records: list[CalibrationRecord] = []
     for number, (name, step) in enumerate(steps.items(), 1):
         guide.say(f"step {number} of {len(steps)}, {name}: {STEPS[name]}")
         if (reach := reaches[name]) is not None:
-            guide.say(f"  {words(reach, plan.settings)}")
+            guide.say(f"  {reach_text(reach, plan.settings)}")
         if isinstance(step, Orientations):
-            session = _oriented(plan, step, guide)
+            session = _weigh(plan, step, guide)
         else:
-            done = _records(plan, name, step, number, guide, seen)
-            session = evaluate_step(name, done, plan.settings)
-            records = done if name == "shake" else records
-        guide.found(name, session)
+            records = _step_records(plan, name, step, number, guide, facts)
+            session = evaluate_step(name, records, plan.settings)
+            shake_records = records if name == "shake" else shake_records
+        guide.show(name, session)
         sessions[name] = session
-        guide.keep(_calibration(plan, _joined(plan, sessions), seen))
-    session = _joined(plan, sessions)
-    return _calibration(plan, session, seen), session, records
+        guide.keep(_calibration(plan, _join(plan, sessions), facts))
+    session = _join(plan, sessions)
+    return _calibration(plan, session, facts), session, shake_records
 
 
-def _joined(plan: CalibrationPlan, sessions: Mapping[str, StepFindings]) -> StepFindings:
+def _join(plan: CalibrationPlan, sessions: Mapping[str, StepFindings]) -> StepFindings:
     # A slow motion shows the noise of the velocity better than a fast one.
     ordered = sorted(sessions, key=lambda name: name == "shake" and "noise" in sessions)
     return join_steps([sessions[name] for name in ordered], plan.settings)
 
 
-def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[CalibrationRecord]:
-    """Standstill, shake, standstill, as one motion."""
+def _unguided_records(plan: CalibrationPlan, guide: Guide, facts: DeviceFacts) -> list[CalibrationRecord]:
+    """Return the records of standstill, shake and standstill as one motion, or of the log."""
     if not moves(plan):
         guide.say("reading the log")
         return [record(plan)]
@@ -106,79 +107,80 @@ def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[Calibrati
     step = StepSettings(trajectory=plan.settings.trajectory or next(iter(plan.trajectories.values())))
     contact = plan.settings.motion == "plate"
     reach = reach_of(with_step(plan, step), contact)
-    guide.say(f"{words(reach, plan.settings)}")
+    guide.say(f"{reach_text(reach, plan.settings)}")
     name = "shake" if plan.settings.motion == "shake" else "press"
-    return _repeated(with_step(plan, step), name, plan.settings.repeats, 0, guide, seen)
+    return _usable_records(with_step(plan, step), name, plan.settings.repeats, 0, guide, facts)
 
 
 def _reach(plan: CalibrationPlan, name: str, step: StepSettings | Orientations) -> Reach | None:
     """Return how far, fast and sudden a step's motion is; None where it reads a log or nothing moves."""
-    of_step = with_step(plan, step)
-    if not moves(of_step):
+    step_plan = with_step(plan, step)
+    if not moves(step_plan):
         return None
-    if isinstance(step, Orientations) and is_live(of_step.devices):
+    if isinstance(step, Orientations) and is_live(step_plan.devices):
         return None  # a person turns the tool, and the arm is not even connected
     if step.trajectory is None:
         raise ConfigurationError(
             f"{plan.path}: [calibration.{name}] needs a motion, such as "
             f'trajectory = {{ type = "{"shake" if name in ("shake", "noise") else "stay"}" }}'
         )
-    return reach_of(of_step, name in ON_A_PLATE, f"[calibration.{name}] ")
+    return reach_of(step_plan, name in ON_A_PLATE, f"[calibration.{name}] ")
 
 
-def _records(
-    plan: CalibrationPlan, name: str, step: StepSettings, number: int, guide: Guide, seen: Seen
+def _step_records(
+    plan: CalibrationPlan, name: str, step: StepSettings, number: int, guide: Guide, facts: DeviceFacts
 ) -> list[CalibrationRecord]:
-    of_step = with_step(plan, step)
-    if not moves(of_step):
+    step_plan = with_step(plan, step)
+    if not moves(step_plan):
         guide.say("  reading the log")
-        return [record(of_step)]
-    if is_live(of_step.devices):
-        where = "lay a stiff plate under the tip" if name in ON_A_PLATE else "see that the tip hangs free"
-        guide.ask(f"  {where}, keep clear of the robot")
-    return _repeated(of_step, name, step.repeats or plan.settings.repeats, 1000 * number, guide, seen)
+        return [record(step_plan)]
+    if is_live(step_plan.devices):
+        task = "lay a stiff plate under the tip" if name in ON_A_PLATE else "see that the tip hangs free"
+        guide.ask(f"  {task}, keep clear of the robot")
+    return _usable_records(step_plan, name, step.repeats or plan.settings.repeats, _STEP_SEEDS * number, guide, facts)
 
 
-def _repeated(
-    plan: CalibrationPlan, name: str, repeats: int, seed: int, guide: Guide, seen: Seen
+def _usable_records(
+    plan: CalibrationPlan, name: str, repeats: int, seed: int, guide: Guide, facts: DeviceFacts
 ) -> list[CalibrationRecord]:
-    """So many records that can be used; a live rig, where things happen, gets some more attempts than repeats."""
-    done: list[CalibrationRecord] = []
+    """Return so many records that can be used; on a live rig some others may be unusable. Raises LogError."""
+    records: list[CalibrationRecord] = []
     live = is_live(plan.devices)
     length = sum(map(duration_of, plan.trajectories.values()))
     refused = 0
-    while len(done) < repeats:
-        guide.say(f"  repeat {len(done) + 1} of {repeats}: {length:.0f} s of motion")
-        found = record(plan, seed + len(done) + refused, seen)
+    while len(records) < repeats:
+        guide.say(f"  repeat {len(records) + 1} of {repeats}: {length:.0f} s of motion")
+        candidate = record(plan, seed + len(records) + refused, facts)
         try:
-            evaluate_step(name, [found], plan.settings)
+            evaluate_step(name, [candidate], plan.settings)
         except LogError as error:
             refused += 1
-            if not live or refused > _MORE:
+            if not live or refused > _MAX_REFUSALS:
                 raise
             guide.say(f"  not usable, once more: {error}")
         else:
-            done.append(found)
-    return done
+            records.append(candidate)
+    return records
 
 
-def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
-    """Return the step in which the tool is turned: by a simulated rig, by a person, or in a log."""
-    of_step = with_step(plan, step)
-    if not moves(of_step) and not is_live(of_step.devices):
+def _weigh(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
+    """Return the results of the step in which the tool is turned: by a simulated rig, by a person, or in a log."""
+    step_plan = with_step(plan, step)
+    if not moves(step_plan) and not is_live(step_plan.devices):
         guide.say("  reading the log")
-        repeats = [poses_of_a_log(of_step, len(step.down))]
+        repeats = [poses_of_a_log(step_plan, len(step.down))]
     else:
         repeats = []
         for repeat in range(step.repeats or plan.settings.repeats):
             poses = []
             for number, down in enumerate(step.down):
-                along = ", ".join(f"{part:.3f}" for part in down)
-                text = f"  orientation {number + 1} of {len(step.down)}: gravity along ({along}) in the sensor's frame"
-                poses.append(one_pose(of_step, step, down, 100 * repeat + number, partial(guide.ask, text)))
+                direction = ", ".join(f"{part:.3f}" for part in down)
+                place = f"orientation {number + 1} of {len(step.down)}"
+                text = f"  {place}: gravity along ({direction}) in the sensor's frame"
+                poses.append(one_pose(step_plan, step, down, _REPEAT_SEEDS * repeat + number, partial(guide.ask, text)))
             repeats.append(poses)
     try:
-        mounting = _mounting(of_step, step, repeats)
+        mounting = _mounting(step_plan, step, repeats)
     except LogError as error:
         values = weigh_tool(repeats, step.down, step.angle_std)
         reason = str(error).removeprefix("calibration: ")
@@ -191,15 +193,17 @@ def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFi
 
 
 def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Sequence[Pose]]) -> Mounting | None:
-    """Return the sensor's mounting, where the arm's poses are recorded; raises LogError where they do not determine
-    it."""
+    """Return the sensor's mounting; None without recorded poses of the arm.
+
+    Raises LogError where the poses do not determine it.
+    """
     tools = tools_of(repeats)
     if tools is None:
         return None
     signal, arm, force = plan.alignment.force, plan.devices[plan.ports["position"].device], plan.ports["force"]
-    stated = plan.alignment.gravity or (arm.gravity if isinstance(arm, KnowsGravity) else (0.0, 0.0, -1.0))
-    near = mounting_of(plan.alignment, force.components.index(force.column)) or (0.0, 0.0, 0.0)
-    return find_mounting(tools, np.array(stated) / np.linalg.norm(stated), step.angle_std, signal.sign, near)
+    gravity = plan.alignment.gravity or (arm.gravity if isinstance(arm, KnowsGravity) else (0.0, 0.0, -1.0))
+    nominal = mounting_of(plan.alignment, force.components.index(force.column)) or (0.0, 0.0, 0.0)
+    return find_mounting(tools, np.array(gravity) / np.linalg.norm(gravity), step.angle_std, signal.sign, nominal)
 
 
 def _shake(session: StepFindings) -> dict[str, Any]:
@@ -215,7 +219,7 @@ def _shake(session: StepFindings) -> dict[str, Any]:
 
 
 def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
-    """What the devices of single steps report of themselves: of a log, file and hash."""
+    """Return file and hash of the logs of single steps."""
     return {
         f"{name}.{device}": dict(part.provenance)
         for name, step in plan.settings.steps.items()
@@ -224,16 +228,17 @@ def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
     }
 
 
-def _calibration(plan: CalibrationPlan, session: StepFindings, seen: Seen) -> Calibration:
+def _calibration(plan: CalibrationPlan, session: StepFindings, facts: DeviceFacts) -> Calibration:
+    """Return the calibration by the results so far, with the identity of its devices and its tip."""
     roles = ("force", "position", "velocity")
     channels = {role: s.channel for role in roles if (s := getattr(plan.alignment, role)) is not None}
-    every = dict(plan.devices)
+    parts = dict(plan.devices)
     for step in plan.settings.steps.values():
-        every = dict(step.device) | every
-    devices = identity_of(every, channels)
+        parts = dict(step.device) | parts
+    devices = identity_of(parts, channels)
     for name in devices:
-        devices[name] |= seen.get(name, {})
-        devices[name]["type"] = plan.registry.name_of(type(every[name]))
+        devices[name] |= facts.get(name, {})
+        devices[name]["type"] = plan.registry.name_of(type(parts[name]))
     tip: dict[str, Any] | None = None
     if len(plan.indenters) == 1:
         tip = plain_settings(next(iter(plan.indenters.values())), plan.registry)

@@ -1,4 +1,4 @@
-"""Where in a record the tip stands still and where it is shaken, from the motion itself."""
+"""The stretches of a record in which the tip stands still or is shaken, from the motion itself."""
 
 from __future__ import annotations
 
@@ -12,14 +12,22 @@ from palpate_engine import Hesitations
 
 from palpate_calibration.calibration_record import CalibrationRecord
 
+# Choices. The swing is the standard deviation of the position over a window.
 _WINDOW = 0.1  # [s] over which the motion is judged
-_STILL = 2e-6  # [m]; a standard deviation of the position that is not motion
-_MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
-_EVEN = 0.1  # change of the swing over a second that is still even
-_SHORTEST_STANDSTILL = 0.4  # [s]
-_SHORTEST_SHAKE = 2.0  # [s]
-_MOST_LEFT_OUT = 0.5  # of a motion, for hesitations
+_SHAKE_WINDOW = 1.0  # [s] over which a shake has to be even
+_STANDSTILL_SWING = 2e-6  # [m] that is not motion
+_MIN_MOTION_SWING = 2e-4  # [m]: no position at standstill is as noisy as that
+_QUIET_QUANTILE = 0.02  # of all swings, which is that of the noise if the tip stands still at all
+_QUIET_RATIO = 3.0  # to the swing of the noise, up to which the tip stands still
+_QUIET_SHARE = 0.1  # of the largest swing, above which the tip moves
+_SHAKE_SHARE = 0.2  # of the largest swing, below which a stretch is no shake
+_SHAKE_RATIO = 5.0  # to the swing at standstill, likewise
+_EVEN_CHANGE = 0.1  # of the swing over a second, up to which a shake is even
+_MIN_STANDSTILL = 0.4  # [s]
+_MIN_SHAKE = 2.0  # [s], and half of it without its beginning
+_MAX_HESITATING_SHARE = 0.5  # of a motion, up to which hesitations are left out
 _EDGE = 0.1  # [s] left out at both ends of every stretch: streams are not yet aligned
+_INSTANTS = 10_001  # of a segment, at which hesitations are counted
 
 
 @dataclass(frozen=True)
@@ -31,13 +39,13 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """How long it is [s]."""
+        """Duration [s]."""
         return self.end - self.begin
 
 
 @dataclass(frozen=True)
 class SteadyMotion:
-    """Where in a segment the arm moves as planned, and does not hesitate."""
+    """The part of a segment in which the arm moves as planned, and does not hesitate."""
 
     hesitations: Hesitations
     count: int
@@ -45,42 +53,43 @@ class SteadyMotion:
 
     @classmethod
     def of(cls, record: CalibrationRecord, segment: Segment) -> SteadyMotion:
-        """That of one segment of a record."""
-        times = np.linspace(segment.begin, segment.end, 10_001)
+        """Return that of one segment of a record."""
+        times = np.linspace(segment.begin, segment.end, _INSTANTS)
         share = float(np.mean(record.hesitations.hold(times)))
         return cls(record.hesitations, record.hesitations.count(segment.begin, segment.end), share)
 
     @property
     def breaks_up(self) -> bool:
         """True if hesitations are over half of it: too much to be left out."""
-        return self.share > _MOST_LEFT_OUT
+        return self.share > _MAX_HESITATING_SHARE
 
     def hold(self, time: Floats) -> NDArray[np.bool_]:
-        """(n,) True at the times [s] that count: those without a hesitation; all where it breaks up."""
+        """Return True (n,) at the times [s] that count: those without a hesitation; all where it breaks up."""
         return np.ones(len(time), bool) if self.breaks_up else ~self.hesitations.hold(time)
 
 
 def hesitation_note(count: int) -> str:
-    """That the arm hesitated, in words."""
-    often = "once" if count == 1 else f"{count} times"
-    return f"the arm hesitated {often} (a busy computer holds it up)"
+    """Return in words how often the arm hesitated."""
+    times = "once" if count == 1 else f"{count} times"
+    return f"the arm hesitated {times} (a busy computer holds it up)"
 
 
-def standing_still(record: CalibrationRecord) -> list[Segment]:
+def standstill_segments(record: CalibrationRecord) -> list[Segment]:
     """Return the stretches in which the position does not change by more than its noise, in order."""
     edges, swing = _swing(record)
-    quiet = swing < min(max(3.0 * float(np.quantile(swing, 0.02)), _STILL), 0.1 * float(swing.max()))
-    return _stretches(edges, quiet, record, _SHORTEST_STANDSTILL)
+    noise = float(np.quantile(swing, _QUIET_QUANTILE))
+    is_quiet = swing < min(max(_QUIET_RATIO * noise, _STANDSTILL_SWING), _QUIET_SHARE * float(swing.max()))
+    return _stretches(edges, is_quiet, record, _MIN_STANDSTILL)
 
 
 def longest_standstill(record: CalibrationRecord) -> Segment | None:
     """Return the longest stretch of a record in which the tip stands still; None if it always moves."""
     edges, swing = _swing(record)
-    noise = float(np.quantile(swing, 0.02))
-    if noise > _MOVING:
+    noise = float(np.quantile(swing, _QUIET_QUANTILE))
+    if noise > _MIN_MOTION_SWING:
         return None
-    found = _stretches(edges, swing < max(3.0 * noise, _STILL), record, _SHORTEST_STANDSTILL)
-    return max(found, key=lambda segment: segment.length, default=None)
+    is_quiet = swing < max(_QUIET_RATIO * noise, _STANDSTILL_SWING)
+    return max(_stretches(edges, is_quiet, record, _MIN_STANDSTILL), key=lambda segment: segment.length, default=None)
 
 
 def shake_segments(record: CalibrationRecord, settle: float) -> list[Segment]:
@@ -89,17 +98,21 @@ def shake_segments(record: CalibrationRecord, settle: float) -> list[Segment]:
     The swing over a window of a second must be the same half a second before and after: a shake fades in and out.
     """
     edges, swing = _swing(record)
-    width = round(1.0 / _WINDOW)
+    width = round(_SHAKE_WINDOW / _WINDOW)
     if len(swing) < 2 * width:
         return []
-    longer = np.sqrt(np.convolve(swing**2, np.ones(width) / width, "same"))
+
+    # The swing over a second, compared with that half a second before and after.
+    second_swing = np.sqrt(np.convolve(swing**2, np.ones(width) / width, "same"))
     half = width // 2
-    padded = np.pad(longer, half)
-    even = np.abs(padded[2 * half :] - padded[: -2 * half]) < _EVEN * longer
-    busy = even & (longer > max(0.2 * float(longer.max()), 5.0 * _STILL))
-    found = _stretches(edges, busy, record, _SHORTEST_SHAKE)
-    cut = [Segment(s.begin + settle, s.end) for s in found if _comes_back(record, s)]
-    return [segment for segment in cut if segment.length >= _SHORTEST_SHAKE / 2]
+    padded = np.pad(second_swing, half)
+    is_even = np.abs(padded[2 * half :] - padded[: -2 * half]) < _EVEN_CHANGE * second_swing
+    min_swing = max(_SHAKE_SHARE * float(second_swing.max()), _SHAKE_RATIO * _STANDSTILL_SWING)
+    stretches = _stretches(edges, is_even & (second_swing > min_swing), record, _MIN_SHAKE)
+
+    # Without its beginning, in which the arm settles.
+    settled = [Segment(s.begin + settle, s.end) for s in stretches if _comes_back(record, s)]
+    return [segment for segment in settled if segment.length >= _MIN_SHAKE / 2]
 
 
 def _comes_back(record: CalibrationRecord, segment: Segment) -> bool:
@@ -110,7 +123,7 @@ def _comes_back(record: CalibrationRecord, segment: Segment) -> bool:
 
 
 def _swing(record: CalibrationRecord) -> tuple[Floats, Floats]:
-    """Edges of windows (k + 1,) [s] and the standard deviation (k,) of the position in each."""
+    """Return edges of windows (k + 1,) [s], and the standard deviation (k,) of the position in each."""
     count = max(int((record.end - record.begin) / _WINDOW), 1)
     edges = np.asarray(record.begin + _WINDOW * np.arange(count + 1), np.float64)
     rows = np.searchsorted(record.position.time, edges)
@@ -119,12 +132,15 @@ def _swing(record: CalibrationRecord) -> tuple[Floats, Floats]:
     return edges, np.array(swing, np.float64)
 
 
-def _stretches(edges: Floats, wanted: NDArray[np.bool_], record: CalibrationRecord, shortest: float) -> list[Segment]:
-    padded = np.concatenate([[False], wanted, [False]])
+def _stretches(
+    edges: Floats, in_stretch: NDArray[np.bool_], record: CalibrationRecord, min_length: float
+) -> list[Segment]:
+    """Return the stretches of neighbouring windows (k,) that are True, without their ends, of a least length [s]."""
+    padded = np.concatenate([[False], in_stretch, [False]])
     begins = np.flatnonzero(~padded[:-1] & padded[1:])
     ends = np.flatnonzero(padded[:-1] & ~padded[1:])
-    found = [
+    segments = [
         Segment(float(edges[a]) + _EDGE, min(float(edges[b]), record.end) - _EDGE)
         for a, b in zip(begins, ends, strict=True)
     ]
-    return [segment for segment in found if segment.length >= shortest]
+    return [segment for segment in segments if segment.length >= min_length]

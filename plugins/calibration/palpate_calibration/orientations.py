@@ -1,4 +1,4 @@
-"""Weight and centre of mass of what hangs behind the sensor, read at standstill in several orientations."""
+"""Weight and centre of mass of the load behind the sensor, read at standstill in several orientations."""
 
 from __future__ import annotations
 
@@ -18,15 +18,18 @@ from palpate_calibration.statics import WeightFit, weight_fit
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _AXES = ("x", "y", "z", "tx", "ty", "tz")
-_EDGE = 0.1  # [s] left out at both ends
-_SHORTEST = 0.5  # [s]
-_UNFIT = 5.0  # times what noise and directions explain
-_STEP = 1e-3  # [rad] for derivatives by a direction
+# Choices.
+_EDGE = 0.1  # [s] left out at both ends of a standstill
+_MIN_STANDSTILL = 0.5  # [s]
+_MIN_READINGS = 100  # of a standstill
+_MAX_MISFIT = 5.0  # times the forces that noise and directions explain
+_ANGLE_STEP = 1e-3  # [rad] for derivatives by a direction
+_UNKNOWNS = 4  # of the forces: weight, and three of the bias
 _SECOND = 1e9  # [ns]
 
 
 class WrenchRecorder:
-    """Feeds on batches, keeps all six columns of the sensor that gives the force, and orientations of the tool."""
+    """A recorder of batches: all six columns of the sensor that gives the force, and orientations of the tool."""
 
     def __init__(self, ports: Ports) -> None:
         port = ports["force"]
@@ -44,8 +47,8 @@ class WrenchRecorder:
         pose = ports["position"]
         self.arm, self._pose = pose.key
         channels = [channel.name for channel in pose.stream.channels]
-        known = pose.stream.layout == "pose" and set(_QUATERNION) <= set(channels)
-        self._orientation = [channels.index(name) for name in _QUATERNION] if known else []
+        has_orientation = pose.stream.layout == "pose" and set(_QUATERNION) <= set(channels)
+        self._orientation = [channels.index(name) for name in _QUATERNION] if has_orientation else []
         self._tool_stamps: list[NDArray[np.int64]] = []
         self._tools: list[Floats] = []
 
@@ -66,21 +69,21 @@ class WrenchRecorder:
             self._tools.append(batch.values[rows][:, self._orientation])
 
     def poses(self, stretches: Sequence[tuple[float, float]] | None = None, origin: int = 0) -> list[Pose]:
-        """Mean readings in stretches of time [s] since `origin` [ns]; left out: in all of the record."""
+        """Return mean readings in stretches of time [s] since `origin` [ns], or in all; raises LogError."""
         if not self._stamps:
             raise LogError("calibration: the sensor gave no reading")
         stamps, values = np.concatenate(self._stamps), np.concatenate(self._values)
         time = (stamps - (origin if stretches else int(stamps[0]))) / _SECOND
-        found = []
+        poses = []
         for begin, end in stretches or [(0.0, float(time[-1]))]:
             rows = (time >= begin + _EDGE) & (time < end - _EDGE)
-            if end - begin < _SHORTEST or rows.sum() < 100:
+            if end - begin < _MIN_STANDSTILL or rows.sum() < _MIN_READINGS:
                 raise LogError(f"calibration: a standstill of {end - begin:.2f} s is too short to weigh the load")
-            found.append(replace(_pose(values[rows]), tool=self._tool((begin, end) if stretches else None, origin)))
-        return found
+            poses.append(replace(_pose(values[rows]), tool=self._tool((begin, end) if stretches else None, origin)))
+        return poses
 
     def _tool(self, stretch: tuple[float, float] | None, origin: int) -> Floats | None:
-        """Mean orientation (3, 3) of the tool in a stretch of time [s] since `origin` [ns], or in all of the record."""
+        """Return the mean orientation (3, 3) of the tool in a stretch of time [s] since `origin` [ns], or in all."""
         if not self._tools:
             return None
         quaternions = np.concatenate(self._tools)
@@ -114,38 +117,38 @@ def _unit(vector: Floats) -> Floats:
 
 
 def tools_of(repeats: Sequence[Sequence[Pose]]) -> list[tuple[Floats, Floats, float]] | None:
-    """Mean forces (n, 3) [N], orientations (n, 3, 3) and noise [N] of each repeat; None where no pose is recorded."""
-    found = []
+    """Return mean forces (n, 3) [N], orientations (n, 3, 3) and noise [N] of each repeat; None without poses."""
+    readings = []
     for poses in repeats:
         tools = [pose.tool for pose in poses if pose.tool is not None]
         if len(tools) < len(poses):
             return None
         noise = math.sqrt(float(np.mean([pose.std[:3] ** 2 for pose in poses])))
-        found.append((np.array([pose.wrench[:3] for pose in poses]), np.array(tools), noise))
-    return found
+        readings.append((np.array([pose.wrench[:3] for pose in poses]), np.array(tools), noise))
+    return readings
 
 
 def weigh_tool(
     repeats: Sequence[Sequence[Pose]], down: Floats | Sequence[Sequence[float]], angle: float
 ) -> dict[str, MeasuredValue]:
-    """Mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
+    """Return mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
 
     The directions are the same in every repeat (n, 3), or of each repeat (repeats, n, 3).
 
     Type B is what directions that are off by `angle` [rad] about each of two axes would do. Raises LogError where the
     readings do not follow the directions.
     """
-    every = np.broadcast_to(np.array(down, np.float64), (len(repeats), len(repeats[0]), 3))
-    fits, shares = [], []
-    for poses, downs in zip(repeats, every, strict=True):
+    directions = np.broadcast_to(np.array(down, np.float64), (len(repeats), len(repeats[0]), 3))
+    fits, angle_terms = [], []
+    for poses, downs in zip(repeats, directions, strict=True):
         wrenches = np.array([pose.wrench for pose in poses])
         spread = np.sqrt(np.mean([pose.std**2 for pose in poses], axis=0))
         stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))
         fits.append(weight_fit(wrenches, downs, stds))
         _refuse_unfit(fits[-1], wrenches, downs, stds[0], angle)
-        shares.append(_by_angle(wrenches, downs, stds, angle))
-    # The directions are the same in every repeat: what they do wrong does not average out.
-    terms = np.sqrt(np.mean(np.square(shares), axis=0))
+        angle_terms.append(_angle_term(wrenches, downs, stds, angle))
+    # The directions are the same in every repeat: their errors do not average out.
+    terms = np.sqrt(np.mean(np.square(angle_terms), axis=0))
     table = [dict(_numbers(fit)) for fit in fits]
     units = {"mass": "kg", "centre": "m", "bias": "N", "torque": "N*m"}
     return {
@@ -155,7 +158,8 @@ def weigh_tool(
 
 
 def _numbers(fit: WeightFit) -> list[tuple[str, RepeatValue]]:
-    found = [("mass_by_weight", fit.mass)]
+    """Return all numbers of a fit by name."""
+    numbers = [("mass_by_weight", fit.mass)]
     groups = (
         ("centre", fit.centre, fit.centre_std),
         ("bias", fit.force_bias, fit.force_bias_std),
@@ -163,33 +167,33 @@ def _numbers(fit: WeightFit) -> list[tuple[str, RepeatValue]]:
     )
     for name, values, stds in groups:
         for axis, value, std in zip("xyz", values, stds, strict=True):
-            found.append((f"{name}_{axis}", RepeatValue(float(value), float(std), fit.mass.freedom)))
-    return found
+            numbers.append((f"{name}_{axis}", RepeatValue(float(value), float(std), fit.mass.freedom)))
+    return numbers
 
 
-def _by_angle(wrenches: Floats, downs: Floats, stds: tuple[float, float], angle: float) -> Floats:
-    """Standard uncertainty (k,) of every number from that of the directions, each turned about two axes."""
-    centre = np.array([scatter.value for _, scatter in _numbers(weight_fit(wrenches, downs, stds))])
-    total = np.zeros_like(centre)
+def _angle_term(wrenches: Floats, downs: Floats, stds: tuple[float, float], angle: float) -> Floats:
+    """Return the standard uncertainty (k,) of every number by that of the directions, each turned about two axes."""
+    values = np.array([number.value for _, number in _numbers(weight_fit(wrenches, downs, stds))])
+    variance = np.zeros_like(values)
     for i, down in enumerate(downs):
         helper = np.eye(3)[int(np.argmin(np.abs(down)))]
         first = np.cross(down, helper)
         first /= np.linalg.norm(first)
         for axis in (first, np.cross(down, first)):
             turned = downs.copy()
-            turned[i] = math.cos(_STEP) * down + math.sin(_STEP) * np.cross(axis, down)
-            moved = [scatter.value for _, scatter in _numbers(weight_fit(wrenches, turned, stds))]
-            total += ((np.array(moved) - centre) / _STEP * angle) ** 2
-    return np.asarray(np.sqrt(total))
+            turned[i] = math.cos(_ANGLE_STEP) * down + math.sin(_ANGLE_STEP) * np.cross(axis, down)
+            turned_values = [number.value for _, number in _numbers(weight_fit(wrenches, turned, stds))]
+            variance += ((np.array(turned_values) - values) / _ANGLE_STEP * angle) ** 2
+    return np.asarray(np.sqrt(variance))
 
 
 def _refuse_unfit(fit: WeightFit, wrenches: Floats, downs: Floats, std: float, angle: float) -> None:
     """Raise LogError where the forces are not those of a weight in these directions."""
     mass = fit.mass.value
-    left = wrenches[:, :3] - fit.force_bias - mass * GRAVITY * downs
-    rms = math.sqrt(float((left**2).sum()) / max(3 * len(downs) - 4, 1))
+    residual = wrenches[:, :3] - fit.force_bias - mass * GRAVITY * downs
+    rms = math.sqrt(float((residual**2).sum()) / max(3 * len(downs) - _UNKNOWNS, 1))
     explained = math.hypot(std, abs(mass) * GRAVITY * angle)
-    if mass <= 0 or rms > _UNFIT * explained:
+    if mass <= 0 or rms > _MAX_MISFIT * explained:
         raise LogError(
             f"calibration: no weight explains the readings in these orientations: {mass * 1e3:.3g} g leave {rms:.3g} "
             f"N, and noise and directions explain {explained:.2g} N: was the tool turned as [calibration.orientations] "

@@ -25,7 +25,7 @@ from palpate_calibration.settings import CalibrationSettings
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationPlan:
-    """What a calibration needs of a file."""
+    """Devices, channels, motion, tip and limits of a calibration, as a file states them."""
 
     path: Path
     run: RunSettings
@@ -39,7 +39,7 @@ class CalibrationPlan:
 
     @property
     def ports(self) -> Ports:
-        """Where each signal is read."""
+        """Port of each signal."""
         return self._ports
 
     @cached_property
@@ -48,8 +48,7 @@ class CalibrationPlan:
 
 
 def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
-    """Return the calibration plan in a file; raises ConfigurationError with every mistake at once, each with its
-    line."""
+    """Return the calibration plan in a file; raises ConfigurationError with every mistake, each with its line."""
     pipeline = load_pipeline(path, overrides, estimates=False)
     refuse_rehearsal(pipeline)
     settings = pipeline.tables.get("calibration", CalibrationSettings())

@@ -1,4 +1,4 @@
-"""The protocol: the records of all repeats become one calibration."""
+"""The protocol of a calibration, from the records of all repeats to its values and notes."""
 
 from __future__ import annotations
 
@@ -12,26 +12,31 @@ from palpate_engine import GRAVITY
 
 from palpate_calibration.calibrated_value import MeasuredValue, add_values, scale_value
 from palpate_calibration.calibration_record import CalibrationRecord
-from palpate_calibration.motion_segments import Segment, hesitation_note, shake_segments, standing_still
+from palpate_calibration.motion_segments import Segment, hesitation_note, shake_segments, standstill_segments
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake_analysis import ShakeFit, shake_fit
 from palpate_calibration.standstill import OctaveNoise, StandstillFit, standstill_fit, standstill_values
 from palpate_calibration.statics import series_compliance, tap_delay
 
-_STUCK = 0.1  # [s] of exactly equal readings
-_MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
-_SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and standstill
-_DIFFERENT = 3.0  # standard uncertainties between two ways to one value
-_NOTED = 1.5  # times the noise at standstill
-_SMALL = 1e-4  # [s] of a velocity, which a run leaves where it is
-_UNEXPLAINED = 3.0  # times the noise at standstill, and a tenth of the inertia, may be left over
+# Choices.
+_MAX_REPEAT = 0.1  # [s] of exactly equal readings
+_DELAY_MARGIN = 0.06  # [s] at the ends of a record, that a delay of 50 ms does not leave
+_MAX_SHIFT = 8.0  # standard uncertainties between the mean forces of shake and standstill
+_MAX_SHIFT_SHARE = 0.05  # of the inertia, likewise
+_MAX_DIFFERENCE = 3.0  # standard uncertainties between two ways to one value
+_NOTED_NOISES = 1.5  # times the noise at standstill, from which on a residual is noted
+_MAX_NOISES = 3.0  # times the noise at standstill, and a tenth of the inertia, that a residual may be
+_MAX_RESIDUAL_SHARE = 0.1
+MAX_COLOUR = 2.0  # times the density of white noise, from which on slow noise is noted
+_MIN_LATENESS = 1e-4  # [s] of a velocity that a run corrects
+_CERTAIN, _SMALL_CERTAIN = 3.0, 5.0  # standard uncertainties of a lateness, and of one that is too small to correct
 
 
 @dataclass(frozen=True)
 class StepFindings:
     """Results of all repeats together."""
 
-    values: dict[str, MeasuredValue]  # by name, in the order in which people want them
+    values: dict[str, MeasuredValue]  # by name, in the order in which they are shown
     shakes: tuple[ShakeFit, ...] = ()
     standstills: tuple[StandstillFit, ...] = ()
     residual: float = 0.0  # [N] the largest of the shakes
@@ -40,34 +45,29 @@ class StepFindings:
 
 
 def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Mass, delay, offset, weight, drift and noise, from records that each hold standstill and shake in free air.
+    """Return mass, delay, offset, weight, drift and noise, from records of standstill and shake in free air.
 
     Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
     """
     if settings.motion == "plate":
         return join_steps([delay_from_taps(records), compliance_from_presses(records)], settings)
-    return join_steps([shaken(records, settings)], settings)
+    return join_steps([shake_findings(records, settings)], settings)
 
 
-def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Mass and delay from shakes in free air; offset, drift and noise where the records hold standstills, too."""
+def shake_findings(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Return mass and delay from shakes in free air; with standstills in the records offset, drift and noise, too."""
     shakes: list[ShakeFit] = []
     standstills: list[StandstillFit] = []
     for record in records:
         refuse_broken(record)
-        moving, still = shake_segments(record, settings.settle), standing_still(record)
-        if not moving:
-            count = record.hesitations.count(record.begin, record.end)
-            raise LogError(
-                "calibration: the record contains no shake of 2 s or more: no steady oscillation; the tip moves by "
-                f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
-                + (f", and {hesitation_note(count)}" if count else "")
-            )
-        fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
+        segments = shake_segments(record, settings.settle)
+        if not segments:
+            raise _no_shake(record)
+        fits = [shake_fit(record, segment, settings.frequencies) for segment in segments]
         shakes += fits
-        if still:
-            standstills.append(standstill_fit(record, still))
-            _refuse_shifted(record, fits, moving, standstills[-1])
+        if rests := standstill_segments(record):
+            standstills.append(standstill_fit(record, rests))
+            _refuse_shifted(fits, segments, standstills[-1])
     return StepFindings(
         _values(shakes, standstills, settings),
         tuple(shakes),
@@ -77,43 +77,52 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
     )
 
 
+def _no_shake(record: CalibrationRecord) -> LogError:
+    """Return the error of a record without a shake, with its motion."""
+    count = record.hesitations.count(record.begin, record.end)
+    motion = f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
+    return LogError(
+        f"calibration: the record contains no shake of 2 s or more: no steady oscillation; the tip moves by {motion}"
+        + (f", and {hesitation_note(count)}" if count else "")
+    )
+
+
 def delay_from_taps(records: Sequence[CalibrationRecord]) -> StepFindings:
     """Return a second delay, from taps on a stiff plate."""
     delays = []
     for record in records:
-        times, readings = _on_plate(record)
+        times, readings = _plate_readings(record)
         delays.append(tap_delay((times, readings), (record.position.time, record.position.values)))
     return StepFindings({"tap_delay": MeasuredValue.of(delays, "s")})
 
 
 def compliance_from_presses(records: Sequence[CalibrationRecord]) -> StepFindings:
     """Return the compliance of robot and sensor, from presses on a stiff plate."""
-    found = []
+    compliances = []
     for record in records:
-        times, readings = _on_plate(record)
+        times, readings = _plate_readings(record)
         position = record.position
         delay = tap_delay((times, readings), (position.time, position.values)).value
-        found.append(series_compliance(readings, np.interp(times - delay, position.time, position.values)))
-    return StepFindings({"compliance": MeasuredValue.of(found, "m/N")})
+        compliances.append(series_compliance(readings, np.interp(times - delay, position.time, position.values)))
+    return StepFindings({"compliance": MeasuredValue.of(compliances, "m/N")})
 
 
-def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
-    """Time and force, less its zero, of a press on a plate."""
+def _plate_readings(record: CalibrationRecord) -> tuple[Floats, Floats]:
+    """Return times (n,) [s] and forces (n,) [N], less the zero, of a press on a plate; raises LogError."""
     refuse_broken(record)
-    still = standing_still(record)
-    if not still:
+    rests = standstill_segments(record)
+    if not rests:
         raise LogError(
             "calibration: the record contains no standstill before the tip presses, so the force has no zero"
         )
     force, position = record.force, record.position
-    free = force.values - standstill_fit(record, still[:1]).offset.value
-    inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
-    return force.time[inside], free[inside]
+    tared = force.values - standstill_fit(record, rests[:1]).offset.value
+    inside = (force.time > position.time[0] + _DELAY_MARGIN) & (force.time < position.time[-1] - _DELAY_MARGIN)
+    return force.time[inside], tared[inside]
 
 
 def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
-    """Return all steps together: where several give the same value, the earlier one counts, and disagreement is
-    noted."""
+    """Return all steps together: of a value that several give the earlier one counts, and disagreement is noted."""
     values: dict[str, MeasuredValue] = {}
     for session in sessions:
         values = session.values | values
@@ -126,7 +135,7 @@ def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) 
     return StepFindings(
         {name: values[name] for name in sorted(values, key=_rank)},
         shakes,
-        tuple(one for session in sessions for one in session.standstills),
+        tuple(standstill for session in sessions for standstill in session.standstills),
         max((session.residual for session in sessions), default=0.0),
         (*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
         {role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
@@ -134,7 +143,7 @@ def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) 
 
 
 def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, MeasuredValue]) -> Iterator[str]:
-    """Yield the notes that no other step has made good."""
+    """Yield the notes that hold for all steps together: a standstill of any step gives the offset."""
     for session in sessions:
         yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-standstill"))
 
@@ -147,12 +156,12 @@ def _rank(name: str) -> int:
 
 
 def _disagreements(values: Mapping[str, MeasuredValue]) -> Iterator[str]:
-    """Notes on values that were found in two ways which do not agree."""
+    """Yield a note for each value that two ways determine differently."""
     for first, second, code in (("mass", "mass_by_weight", "masses-differ"), ("delay", "tap_delay", "delays-differ")):
         if not {first, second} <= values.keys():
             continue
         a, b = values[first], values[second]
-        if abs(a.value - b.value) > _DIFFERENT * math.hypot(a.combined, b.combined):
+        if abs(a.value - b.value) > _MAX_DIFFERENCE * math.hypot(a.combined, b.combined):
             yield f"{code}: {first} is {a.value:.4g} {a.unit}, {second} is {b.value:.4g} {b.unit}"
 
 
@@ -161,61 +170,61 @@ def refuse_broken(record: CalibrationRecord) -> None:
     health = record.force.health
     if health.saturated:
         raise LogError(f"calibration: the force is saturated in {health.saturated} readings")
-    if health.longest_repeat / record.force.rate > _STUCK:
+    if health.longest_repeat / record.force.rate > _MAX_REPEAT:
         seconds = health.longest_repeat / record.force.rate
         raise LogError(f"calibration: the force sensor is stuck: it repeats one reading for {seconds:.2f} s")
 
 
-def _refuse_shifted(
-    record: CalibrationRecord, shakes: Sequence[ShakeFit], moving: Sequence[Segment], standstill: StandstillFit
-) -> None:
+def _refuse_shifted(shakes: Sequence[ShakeFit], segments: Sequence[Segment], standstill: StandstillFit) -> None:
     """Raise LogError where the mean force of a shake is not that of the standstill: something pushed meanwhile."""
-    for shake, segment in zip(shakes, moving, strict=True):
-        nearest = min(standstill.stretches, key=lambda r: abs(r.time - segment.begin))
+    for shake, segment in zip(shakes, segments, strict=True):
+        nearest = min(standstill.stretches, key=lambda stretch: abs(stretch.time - segment.begin))
         noise = nearest.force_std.value
         shift = shake.offset - nearest.offset.value
-        if abs(shift) > max(noise, _SHIFTED * nearest.offset.std, 0.05 * shake.swing):
+        if abs(shift) > max(noise, _MAX_SHIFT * nearest.offset.std, _MAX_SHIFT_SHARE * shake.swing):
             raise LogError(
                 f"calibration: the mean force while shaken is {shift:+.3g} N off that at standstill: the tip is in "
                 "contact, or something hangs on it"
             )
-        if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
-            why = "the tip is in contact, or the motion is not a sine"
+        if shake.residual > _MAX_NOISES * noise + _MAX_RESIDUAL_SHARE * shake.swing:
+            reason = "the tip is in contact, or the motion is not a sine"
             if shake.planned.breaks_up:
-                why = f"{hesitation_note(shake.planned.count)}; that is over half of the shake"
+                reason = f"{hesitation_note(shake.planned.count)}; that is over half of the shake"
             raise LogError(
                 f"calibration: mass and delay leave {shake.residual:.3g} N of the force unexplained where the noise at "
-                f"standstill is {noise:.3g} N: {why}"
+                f"standstill is {noise:.3g} N: {reason}"
             )
 
 
 def _values(
     shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit], settings: CalibrationSettings
 ) -> dict[str, MeasuredValue]:
-    b = settings.type_b
-    found = {
-        "mass": MeasuredValue.of([shake.mass for shake in shakes], "kg", b.mass),
-        "delay": MeasuredValue.of([shake.delay for shake in shakes], "s", b.delay),
+    """Return the values by all shakes and standstills."""
+    type_b = settings.type_b
+    values = {
+        "mass": MeasuredValue.of([shake.mass for shake in shakes], "kg", type_b.mass),
+        "delay": MeasuredValue.of([shake.delay for shake in shakes], "s", type_b.delay),
     }
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
-        found["velocity_delay"] = MeasuredValue.of(lags, "s")
+        values["velocity_delay"] = MeasuredValue.of(lags, "s")
     if standstills:
-        found |= standstill_values(standstills, b.offset)
+        values |= standstill_values(standstills, type_b.offset)
     paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
     if paper:
-        found["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
-    return found
+        values["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
+    return values
 
 
 def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> list[str]:
+    """Return the notes on shakes and standstills: what is unknown, coloured, left out, unexplained or late."""
     notes = []
     if not standstills:
         notes.append(
             "no-standstill: the records contain no standstill in free air, so offset, bias, drift and noise are unknown"
         )
     colour = max((item.colour for fit in standstills for item in fit.stretches), default=1.0)
-    if colour > 2.0:
+    if colour > MAX_COLOUR:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
         )
@@ -224,17 +233,17 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
         share = np.mean([0.0 if shake.planned.breaks_up else shake.planned.share for shake in shakes])
         notes.append(f"hesitated: {hesitation_note(count)}; {share:.0%} of the shakes is left out for it")
     noise = max((item.force_std.value for fit in standstills for item in fit.stretches), default=math.inf)
-    left = max(shake.residual for shake in shakes)
-    if left > _NOTED * noise:
+    residual = max(shake.residual for shake in shakes)
+    if residual > _NOTED_NOISES * noise:
         notes.append(
-            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at standstill is "
+            f"unexplained: mass and delay leave {residual:.3g} N of the force, where the noise at standstill is "
             f"{noise:.3g} N: something else vibrated, or the clocks stumbled"
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
         lag = MeasuredValue.of(lags, "s")
-        small = abs(lag.value) <= _SMALL
-        if abs(lag.value) > (5 if small else 3) * lag.combined:
-            late = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
-            notes.append(f"{late}: certain, but too small to correct" if small else late)
+        is_small = abs(lag.value) <= _MIN_LATENESS
+        if abs(lag.value) > (_SMALL_CERTAIN if is_small else _CERTAIN) * lag.combined:
+            note = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
+            notes.append(f"{note}: certain, but too small to correct" if is_small else note)
     return notes

@@ -1,4 +1,4 @@
-"""The ``[calibration]`` table: how a calibration is done, and what it cannot measure."""
+"""The ``[calibration]`` table: steps, limits and uncertainties of a calibration."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ ON_A_PLATE = ("tap", "press")
 
 
 class CalibrationSettings(Settings):
-    """How a calibration is done: by the steps that are named or, where none is, standstill and shake in one motion."""
+    """A calibration, by the steps that are named or, where none is, standstill and shake in one motion."""
 
     standstill: StepSettings | None = Field(default=None, description=STEPS["standstill"])
     orientations: Orientations | None = Field(default=None, description=STEPS["orientations"])
@@ -111,15 +111,15 @@ class CalibrationSettings(Settings):
     deepest: Length = Field(default=0.001, ge=0, description="how far below the skin's height a tap or a press may aim")
 
     def limits(self, contact: bool) -> MotionLimits:
-        """Of a motion in free air, or of one in contact with a plate."""
+        """Return the limits of a motion in free air, or of one in contact with a plate."""
         low = -self.deepest if contact else self.lowest
         return MotionLimits.of_heights(low, self.highest, self.top_speed, self.top_acceleration)
 
     @property
     def steps(self) -> dict[str, StepSettings | Orientations]:
-        """The steps that are named, in the order in which they are done."""
-        named: dict[str, StepSettings | Orientations | None] = {name: getattr(self, name) for name in STEPS}
-        return {name: step for name, step in named.items() if step is not None}
+        """Named steps, in their order."""
+        steps: dict[str, StepSettings | Orientations | None] = {name: getattr(self, name) for name in STEPS}
+        return {name: step for name, step in steps.items() if step is not None}
 
     @model_validator(mode="after")
     def _frequencies_are_some(self) -> Self:

@@ -1,4 +1,4 @@
-"""The picture of a calibration: a shake's force, and what mass and delay make of its motion."""
+"""The picture of a calibration: the force of a shake, and the inertia by mass, delay and motion."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from palpate_calibration.motion_segments import shake_segments
 from palpate_calibration.protocol import StepFindings
 from palpate_calibration.sines import sine_fit
 
-_SHOWN = 0.5  # [s]
+_SPAN = 0.5  # [s] of the shake that is drawn: a choice
 
 
 @style()
 def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
-    """Half a second of force in the first shake, -m z'' with and without the delay, and the residual."""
+    """Draw half a second of force in the first shake, -m z'' with and without the delay, and the residual."""
     shake, segment = session.shakes[0], shake_segments(record, settle)[0]
     middle = (segment.begin + segment.end) / 2
     motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)
-    time, force = record.force.between(segment.begin, segment.begin + _SHOWN)
+    time, force = record.force.between(segment.begin, segment.begin + _SPAN)
     omega = 2 * np.pi * np.array(shake.frequencies)
 
     def inertia(delay: float) -> np.ndarray:
@@ -32,14 +32,14 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
     level = force - shake.offset
     figure, axes = figure_of(1, 2, width=120.0, height=40.0)
     upper, lower = axes[:, 0]
-    shown = 1e3 * (time - time[0])
-    upper.plot(shown, level, ".", markersize=2, color="0.5", label="force less its mean")
+    milliseconds = 1e3 * (time - time[0])
+    upper.plot(milliseconds, level, ".", markersize=2, color="0.5", label="force less its mean")
     upper.set_prop_cycle(None)
-    upper.plot(shown, inertia(tau), label=f"mass times acceleration, {tau * 1e3:.2f} ms later")
-    upper.plot(shown, inertia(0.0), label="the same as stamped")
+    upper.plot(milliseconds, inertia(tau), label=f"mass times acceleration, {tau * 1e3:.2f} ms later")
+    upper.plot(milliseconds, inertia(0.0), label="the same as stamped")
     upper.set_ylabel("force [N]")
     legend_outside(upper, 2)
-    lower.plot(shown, level - inertia(tau))
-    lower.plot(shown, level - inertia(0.0))
+    lower.plot(milliseconds, level - inertia(tau))
+    lower.plot(milliseconds, level - inertia(0.0))
     lower.set(xlabel="time [ms]", ylabel="left over [N]")
     save_figure(figure, path)

@@ -9,8 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-_HARMONICS = 3  # the highest of each line that is fitted along
+# Choices.
+_HARMONICS = 3  # the highest of each line that is fitted as well
 _NEIGHBOURS = 20  # bins of 1/T to either side of a line in which its noise is measured
+_MIN_SEPARATION = 1.5  # bins of 1/T between two lines, and between a line and its noise
+_MEAN_BINS = 12  # the lowest of a spectrum, which are the noise of a mean
+_ZERO_PADDING = 8  # lengths of a record in its padded spectrum
+_MIN_PERIODS = 2.0  # of a line in the record
+_NEWTON_STEPS = 4  # of Gauss and Newton, which begin within a sixteenth of 1/T
+_MAX_STEP = 0.5  # of 1/T, in one of these steps
+_SMALLEST_LENGTH = 1e-300  # of a column in a quotient, in place of 0
 
 
 @dataclass(frozen=True)
@@ -32,52 +40,53 @@ class SineFit:
 def sine_fit(
     time: Floats, values: Floats, frequencies: Sequence[float], middle: float, used: NDArray[np.bool_] | None = None
 ) -> SineFit:
-    """Least squares of sines of known frequencies [Hz], about a middle instant [s], to the readings that are used."""
+    """Return sines of known frequencies [Hz], about a middle instant [s], by least squares to the readings used."""
     used = np.ones(len(time), bool) if used is None else used
     t = time - middle
     design = _columns(t, frequencies)
-    found = _solved(design[used], values[used])
-    residual = np.where(used, values - design @ found, 0.0)
+    coefficients = _least_squares(design[used], values[used])
+    residual = np.where(used, values - design @ coefficients, 0.0)
     share = float(np.mean(used))
     noise = [_variance_at(t, residual, frequency, frequencies, share) for frequency in frequencies]
     return SineFit(
-        found[2::2] - 1j * found[3::2],
+        coefficients[2::2] - 1j * coefficients[3::2],
         np.array([variance for variance, _ in noise]),
         np.array([freedom for _, freedom in noise]),
-        float(found[0]),
-        float(found[1]),
+        float(coefficients[0]),
+        float(coefficients[1]),
         residual[used],
     )
 
 
 def _columns(t: Floats, lines: Sequence[float]) -> Floats:
-    """Offset, slope, and cosine and sine of each line, (n, 2 + 2 k)."""
+    """Return the columns (n, 2 + 2 k) of offset, slope, and cosine and sine of each line."""
     columns = [np.ones_like(t), t]
     for frequency in lines:
         columns += [np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)]
     return np.column_stack(columns)
 
 
-def _solved(columns: Floats, values: Floats) -> Floats:
-    """Least squares by the normal equations of columns of length one: sines are nearly orthogonal."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+def _least_squares(columns: Floats, values: Floats) -> Floats:
+    """Return least squares by the normal equations of columns of length one: sines are nearly orthogonal."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), _SMALLEST_LENGTH)
     unit = columns / scale
     return np.asarray(np.linalg.solve(unit.T @ unit, unit.T @ values) / scale, np.float64)
 
 
-def harmonics_of(frequencies: Sequence[float], highest: float, span: float) -> list[float]:
-    """Second and third harmonics [Hz] that are neither lines themselves nor too high for a record of `span` [s]."""
-    found: list[float] = []
+def harmonics_of(frequencies: Sequence[float], max_frequency: float, span: float) -> list[float]:
+    """Return second and third harmonics [Hz] that are no lines themselves, of a record of `span` [s]."""
+    harmonics: list[float] = []
     for frequency in frequencies:
         for order in range(2, _HARMONICS + 1):
             candidate = order * frequency
-            if candidate < highest and all(abs(candidate - f) * span > 1.5 for f in (*frequencies, *found)):
-                found.append(candidate)
-    return found
+            gaps = [abs(candidate - line) * span for line in (*frequencies, *harmonics)]
+            if candidate < max_frequency and all(gap > _MIN_SEPARATION for gap in gaps):
+                harmonics.append(candidate)
+    return harmonics
 
 
 def _power(values: Floats) -> Floats:
-    """|2/n sum x exp(-i omega t)|^2 at whole numbers of periods in the record, as if evenly sampled.
+    """Return |2/n sum x exp(-i omega t)|^2 at whole numbers of periods in the record, as if evenly sampled.
 
     For noise only, whose level no jitter of the time-stamps changes.
     """
@@ -87,38 +96,37 @@ def _power(values: Floats) -> Floats:
 def _variance_at(
     time: Floats, residual: Floats, frequency: float, lines: Sequence[float], share: float
 ) -> tuple[float, float]:
-    """Variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
+    """Return the variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
 
-    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise does no harm; lines that
-    were fitted are left out, since the fit took the noise there along. The residual is zero but for a share of the
-    readings: sums over them have so much less power, and neighbouring frequencies correlate.
+    It is the mean of the residual's spectrum over neighbouring frequencies, so that coloured noise does no harm; lines
+    that were fitted are left out, since the fit took the noise there as well. The residual is zero but for a share of
+    the readings: sums over them have so much less power, and neighbouring frequencies correlate.
     """
     power = _power(residual)
     span = float(time[-1] - time[0]) * len(time) / (len(time) - 1)
     bins = np.arange(len(power))
-    apart = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
-    beside = (apart > 1.5) & (bins > 1) & (bins < len(power) - 1)
-    beside &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
-    return float(power[beside].mean() / 2 / share**2), 2.0 * int(beside.sum()) * share
+    distances = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
+    is_neighbour = (distances > _MIN_SEPARATION) & (bins > 1) & (bins < len(power) - 1)
+    is_neighbour &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
+    return float(power[is_neighbour].mean() / 2 / share**2), 2.0 * int(is_neighbour.sum()) * share
 
 
 def mean_with_std(values: Floats) -> tuple[float, float, float]:
-    """Mean of a record at standstill, its standard uncertainty, and the degrees of freedom of that.
+    """Return the mean of a record at standstill, its standard uncertainty, and the degrees of freedom of that.
 
-    The uncertainty is that of the lowest frequencies of the spectrum, which is where a mean lives: right for coloured
-    noise, too.
+    The uncertainty is that of the lowest frequencies of the spectrum, so that it holds for coloured noise, too.
     """
-    power = _power(values - values.mean())[1:13]
+    power = _power(values - values.mean())[1 : 1 + _MEAN_BINS]
     return float(values.mean()), float(np.sqrt(power.mean() / 4)), 2.0 * len(power)
 
 
 def find_lines(
-    time: Floats, values: Floats, used: NDArray[np.bool_] | None = None, most: int = 6, least: float = 0.08
+    time: Floats, values: Floats, used: NDArray[np.bool_] | None = None, max_count: int = 6, min_share: float = 0.08
 ) -> tuple[float, ...]:
-    """Frequencies [Hz] of the sines that a motion consists of, the strongest first to be found, in rising order.
+    """Return the frequencies [Hz] of the sines of a motion, in rising order.
 
     One after the other: the highest peak of the spectrum of what the sines so far leave over, then all frequencies
-    together by Gauss and Newton; ends where the next peak is below `least` of the first.
+    together by Gauss and Newton; ends where the next peak is below `min_share` of the first.
     """
     used = np.ones(len(time), bool) if used is None else used
     middle = (time[0] + time[-1]) / 2
@@ -126,32 +134,35 @@ def find_lines(
     span, count = float(t[-1] - t[0]), len(t)
     even = np.linspace(t[0], t[-1], count)
     lines: list[float] = []
-    scatter, first = values - np.polyval(np.polyfit(t[used], values[used], 1), t), None
-    for _ in range(most):
+    residual, first = values - np.polyval(np.polyfit(t[used], values[used], 1), t), None
+    for _ in range(max_count):
         window = np.hanning(count)
-        spectrum = np.abs(np.fft.rfft(np.interp(even, t, scatter * used) * window, 8 * count)) * 2 / window.sum()
-        grid = np.fft.rfftfreq(8 * count, span / (count - 1))
-        spectrum[grid * span < 2.0] = 0.0  # a line needs two periods
+        spectrum = (
+            np.abs(np.fft.rfft(np.interp(even, t, residual * used) * window, _ZERO_PADDING * count)) * 2 / window.sum()
+        )
+        grid = np.fft.rfftfreq(_ZERO_PADDING * count, span / (count - 1))
+        spectrum[grid * span < _MIN_PERIODS] = 0.0
         peak = int(np.argmax(spectrum))
         first = spectrum[peak] if first is None else first
-        if spectrum[peak] < least * first or spectrum[peak] == 0:
+        if spectrum[peak] < min_share * first or spectrum[peak] == 0:
             break
         lines = _refined(t[used], values[used], [*lines, float(grid[peak])])
         columns = _columns(t, lines)
-        scatter = values - columns @ _solved(columns[used], values[used])
+        residual = values - columns @ _least_squares(columns[used], values[used])
     return tuple(sorted(lines))
 
 
 def _refined(t: Floats, values: Floats, lines: list[float]) -> list[float]:
-    for _ in range(4):
+    """Return frequencies [Hz] by steps of Gauss and Newton, with offset, slope and phasors free."""
+    for _ in range(_NEWTON_STEPS):
         columns = _columns(t, lines)
-        found = _solved(columns, values)
+        coefficients = _least_squares(columns, values)
         slopes = []
         for k, frequency in enumerate(lines):
-            a, b = found[2 + 2 * k], found[3 + 2 * k]
+            a, b = coefficients[2 + 2 * k], coefficients[3 + 2 * k]
             omega = 2 * np.pi * frequency
             slopes.append(2 * np.pi * t * (b * np.cos(omega * t) - a * np.sin(omega * t)))
-        step = _solved(np.column_stack([columns, *slopes]), values - columns @ found)
-        limit = 0.5 / (t[-1] - t[0])
+        step = _least_squares(np.column_stack([columns, *slopes]), values - columns @ coefficients)
+        limit = _MAX_STEP / (t[-1] - t[0])
         lines = [f + float(np.clip(df, -limit, limit)) for f, df in zip(lines, step[columns.shape[1] :], strict=True)]
     return lines

@@ -1,4 +1,4 @@
-"""The steps of a guided calibration: what each makes of its records."""
+"""The steps of a guided calibration: the results of each, from its records."""
 
 from __future__ import annotations
 
@@ -16,39 +16,47 @@ from palpate_calibration.motion_segments import (
     longest_standstill,
     shake_segments,
 )
-from palpate_calibration.protocol import StepFindings, compliance_from_presses, delay_from_taps, refuse_broken, shaken
+from palpate_calibration.protocol import (
+    MAX_COLOUR,
+    StepFindings,
+    compliance_from_presses,
+    delay_from_taps,
+    refuse_broken,
+    shake_findings,
+)
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake_analysis import against_average
 from palpate_calibration.sines import find_lines, harmonics_of, sine_fit
 from palpate_calibration.standstill import long_standstill_fit, spectra, standstill_values
 
-_ENOUGH = 2.0  # [s] of standstill
+_MIN_STANDSTILL = 2.0  # [s]: a choice
+_SAMPLES_PER_PERIOD = 2.5  # at least, of a harmonic that is looked at: a choice
 
 
 def evaluate_step(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Results from the records of one step; raises LogError with the reason where they cannot be used."""
+    """Return the results from the records of one step; raises LogError with the reason where they cannot be used."""
     if step == "standstill":
-        return still(records, settings)
+        return standstill_findings(records, settings)
     if step == "shake":
-        return shaken(records, settings)
+        return shake_findings(records, settings)
     if step == "noise":
-        return noisy(records, settings)
+        return noise_findings(records, settings)
     return delay_from_taps(records) if step == "tap" else compliance_from_presses(records)
 
 
-def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Offset, drift, noise and its spectrum from long standstills in free air."""
+def standstill_findings(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Return offset, drift, noise and its spectrum from long standstills in free air."""
     segments: list[Segment] = []
     for record in records:
         refuse_broken(record)
         segment = longest_standstill(record)
-        if segment is None or segment.length < _ENOUGH:
+        if segment is None or segment.length < _MIN_STANDSTILL:
             raise LogError("calibration: the record contains no standstill of 2 s or more: the tip moves, or shakes")
         segments.append(segment)
     fits = [long_standstill_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
     notes = []
-    colour = max(item.colour for fit in fits for item in fit.stretches)
-    if colour > 2.0:
+    colour = max(stretch.colour for fit in fits for stretch in fit.stretches)
+    if colour > MAX_COLOUR:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
         )
@@ -56,13 +64,13 @@ def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
     return StepFindings(values, standstills=tuple(fits), notes=tuple(notes), spectra=spectra(records, segments))
 
 
-def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Noise of the velocity while the tip moves: as the paper has it, and without what the motion adds to that.
+def noise_findings(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Return the noise of the velocity while the tip moves: as the paper has it, and without what the motion adds.
 
     The paper's figure is the RMSE between the velocity and its 21-sample mean, which also contains what the mean cuts
     off the motion itself. The other one is the scatter about sines at the motion's own frequencies and their harmonics.
     """
-    paper, moving = [], []
+    paper_stds, stds = [], []
     for record in records:
         refuse_broken(record)
         if record.velocity is None:
@@ -74,26 +82,29 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
             planned = SteadyMotion.of(record, segment)
             if planned.breaks_up:
                 raise LogError(
-                    f"calibration: {hesitation_note(planned.count)}; that is over half of the motion, "
-                    "and cannot be distinguished "
-                    "from noise: keep other work from this computer"
+                    f"calibration: {hesitation_note(planned.count)}; that is over half of the motion, and cannot be "
+                    "distinguished from noise: keep other work from this computer"
                 )
             times, speeds = record.velocity.between(segment.begin, segment.end)
-            paper += [rmse for rmse in [against_average(speeds, planned.hold(times))] if rmse is not None]
-            moving.append(_scatter(record, segment, planned))
-    values = {"moving_velocity_std": MeasuredValue.of(moving, "m/s")}
-    if paper:
-        values["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
+            paper_std = against_average(speeds, planned.hold(times))
+            if paper_std is not None:
+                paper_stds.append(paper_std)
+            stds.append(_velocity_noise(record, segment, planned))
+    values = {"moving_velocity_std": MeasuredValue.of(stds, "m/s")}
+    if paper_stds:
+        values["paper_velocity_std"] = MeasuredValue.of(paper_stds, "m/s")
     return StepFindings(values)
 
 
-def _scatter(record: CalibrationRecord, segment: Segment, planned: SteadyMotion) -> RepeatValue:
+def _velocity_noise(record: CalibrationRecord, segment: Segment, planned: SteadyMotion) -> RepeatValue:
+    """Return the scatter [m/s] of the velocity about the lines of the motion and their harmonics."""
     assert record.velocity is not None
     instants, heights = record.position.between(segment.begin, segment.end)
     lines = find_lines(instants, heights, planned.hold(instants))
-    every = (*lines, *harmonics_of(lines, record.position.rate / 2.5, segment.length))
+    frequencies = (*lines, *harmonics_of(lines, record.position.rate / _SAMPLES_PER_PERIOD, segment.length))
     times, speeds = record.velocity.between(segment.begin, segment.end)
-    residual = sine_fit(times, speeds, every, (segment.begin + segment.end) / 2, planned.hold(times)).residual
-    freedom = len(residual) - 2.0 - 2 * len(every)
+    middle = (segment.begin + segment.end) / 2
+    residual = sine_fit(times, speeds, frequencies, middle, planned.hold(times)).residual
+    freedom = len(residual) - 2.0 - 2 * len(frequencies)
     std = math.sqrt(float((residual**2).sum()) / freedom)
     return RepeatValue(std, std / math.sqrt(2 * freedom), freedom)

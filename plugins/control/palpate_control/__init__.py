@@ -1,4 +1,4 @@
-"""Control of a rig: checks on a reference of known stiffness, their chart, and the check that stands behind a run."""
+"""Control of a rig: checks on a reference of known stiffness, their chart, and the latest check before a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from palpate import Command, ControlReader, FlagMeaning, ReportSection, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Checking a rig."""
+    """Return the command that checks a rig."""
     return {
         "calibrate control": Command(
             "palpate_control.control_command:control", "Check a rig against a reference of known stiffness.", "hardware"
@@ -17,19 +17,19 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, ControlReader]]:
-    """Return the check that stands behind a run."""
+    """Return the reader of the chart that a run names."""
     return {"control chart": {"control": ControlReader("palpate_control.chart_use:chart_use")}}
 
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """That check in a line."""
+    """Return the line of that check in a result."""
     return {"control": ReportSection("palpate_control.check_line:check_lines", order=81)}
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What its flag means."""
+    """Return the meaning of its flag."""
     return {
         "out-of-control": FlagMeaning(
             "doubtful",

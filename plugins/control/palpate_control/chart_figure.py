@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from palpate_engine import display_unit
@@ -11,12 +12,12 @@ from palpate_kit.numerics.normalised_error import COVERAGE
 
 from palpate_control.chart_file import ControlChart
 
-_LABELS = 12  # dates along the axis
+_MAX_LABELS = 12  # dates along the axis, a choice: they do not touch each other
 
 
 @style()
 def draw_chart(chart: ControlChart, path: Path) -> None:
-    """Value of each check with its expanded uncertainty, and the EWMA, both with limits; raises OutputError."""
+    """Draw the value of each check with its expanded uncertainty, and the EWMA, with limits; raises OutputError."""
     word, factor = display_unit(chart.reference.unit)
     states, number = chart.states, np.arange(1, len(chart.check) + 1)
     value, std = (factor * np.array([getattr(check, name) for check in chart.check]) for name in ("value", "std"))
@@ -26,20 +27,24 @@ def draw_chart(chart: ControlChart, path: Path) -> None:
     )
     figure, axes = figure_of(1, 2, width=120.0, height=45.0)
     upper, lower = axes[:, 0]
-    known, band = factor * chart.reference.value, COVERAGE * factor * chart.reference.std
-    upper.axhspan(known - band, known + band, color="C2", alpha=0.2, linewidth=0, label="reference ± U")
+    # The reference, the checks, and the moving average.
+    reference, band = factor * chart.reference.value, COVERAGE * factor * chart.reference.std
+    upper.axhspan(reference - band, reference + band, color="C2", alpha=0.2, linewidth=0, label="reference ± U")
     upper.errorbar(number, value, COVERAGE * std, fmt="o", markersize=3, linewidth=0.6, color="C0", label="check ± U")
     lower.plot(number, ewma, "o-", markersize=2, color="C0", label="EWMA")
+    # The limits of both panels.
     for panel, width, name in ((upper, limit, "3 sigma"), (lower, ewma_limit, "limits")):
         panel.step(number, centre + width, where="mid", linestyle="--", color="0.4", label=name)
         panel.step(number, centre - width, where="mid", linestyle="--", color="0.4")
         panel.step(number, centre, where="mid", linewidth=0.6, color="0.4")
         panel.set(xlim=(0.5, len(number) + 0.5), ylabel=f"{chart.quantity} [{word}]")
-    wrong = np.array([not state.in_control for state in states])
-    if wrong.any():
-        upper.plot(number[wrong], value[wrong], "o", markersize=7, fillstyle="none", color="C3", label="out of control")
-        lower.plot(number[wrong], ewma[wrong], "o", markersize=7, fillstyle="none", color="C3")
-    ticks = number[:: -(-len(number) // _LABELS)]
+    is_out = np.array([not state.in_control for state in states])
+    if is_out.any():
+        circle: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 7, "fillstyle": "none", "color": "C3"}
+        upper.plot(number[is_out], value[is_out], label="out of control", **circle)
+        lower.plot(number[is_out], ewma[is_out], **circle)
+    # A date below every check, or below every few.
+    ticks = number[:: -(-len(number) // _MAX_LABELS)]
     dates = [f"{chart.check[tick - 1].date:%Y-%m-%d}" for tick in ticks]
     upper.set_xticks(ticks, [])
     lower.set_xticks(ticks, dates, rotation=45, ha="right")

@@ -18,14 +18,14 @@ from pydantic import Field
 
 from palpate_control.control_limits import CheckState, CheckValue, check_states
 
-_FORMAT = 1
+_FORMAT = 1  # of the file
 _HEAD = (
     "# Control chart: checks of a rig on a reference, in SI units. `palpate calibrate control RUN` appends a check.\n"
 )
 
 
 class ChartReference(Settings):
-    """What is palpated in every check of a chart."""
+    """The reference specimen or spring that is palpated in every check of a chart."""
 
     name: str = Field(min_length=1, description="what it is")
     value: float = Field(gt=0, allow_inf_nan=False, description="in its unit")
@@ -58,7 +58,7 @@ class ControlChart(Settings):
 
     @property
     def states(self) -> list[CheckState]:
-        """The state of every check."""
+        """State of every check."""
         readings = [CheckValue(check.value, check.std, check.repeat_std) for check in self.check]
         return check_states(readings, self.reference.value, self.reference.std)
 
@@ -76,16 +76,16 @@ def read_chart(path: Path) -> ControlChart:
 
 
 def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
-    """Return the chart with one more check, written: whole, or as it was. What stands in the file stays unchanged.
+    """Append a check to the file, as a whole or not at all; return the chart with it. The text before it stays.
 
     `chart` is used for a new file. Raises ConfigurationError for a check that is in the chart already, or
     is older than its last, OutputError where it cannot be written.
     """
-    with _alone(path.parent):
+    with _locked(path.parent):
         text = bounded_text(path) if path.exists() else _head(chart)
         chart = read_chart(path) if path.exists() else chart
-        for number, other in enumerate(chart.check, 1):
-            if other.digest == check.digest:
+        for number, earlier_check in enumerate(chart.check, 1):
+            if earlier_check.digest == check.digest:
                 raise ConfigurationError(f"{check.run}: is check {number} of {path} already")
         if chart.check and check.date < chart.check[-1].date:
             last = chart.check[-1].date
@@ -107,8 +107,8 @@ def _block(check: RecordedCheck) -> str:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """While no other process appends in a folder, so that none loses the other's check."""
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from appending in a folder, so that no check is lost; raises ConfigurationError."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A control chart that a pipeline names: the check behind a run, and what counts against it."""
+"""A control chart that a pipeline names: the latest check before a run, and the doubts about it."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ class ChartUse:
         }
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
-        """That the check is out of control, or was one of another tip, sensor or robot."""
-        against = list(self.state.reasons)
+        """Yield a flag if the check is out of control, or was made with another tip, sensor or robot."""
+        doubts = list(self.state.reasons)
         tips = [plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()]
-        if self.chart.tip and tips and not any(is_same_tip(self.chart.tip, one, pipeline.registry) for one in tips):
-            against.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
+        if self.chart.tip and tips and not any(is_same_tip(self.chart.tip, tip, pipeline.registry) for tip in tips):
+            doubts.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
         signals = {"sensor": pipeline.alignment.force, "robot": pipeline.alignment.position}
-        for word, signal in signals.items():
-            name, before = signal.channel.partition(".")[0], getattr(self.chart, word)
+        for role, signal in signals.items():
+            name, checked_identity = signal.channel.partition(".")[0], getattr(self.chart, role)
             device = pipeline.devices.get(name)
-            present = {**(device.provenance if device is not None else {}), **live.get(name, {})}
-            if (key := other_identity(before, present)) is not None:
-                is_now = f"{key.replace('_', ' ')} {before[key]}, now {present[key]}"
-                against.append(f"the check was made with another {word}: {is_now}")
-        if against:
+            identity = {**(device.provenance if device is not None else {}), **live.get(name, {})}
+            if (key := other_identity(checked_identity, identity)) is not None:
+                change = f"{key.replace('_', ' ')} {checked_identity[key]}, now {identity[key]}"
+                doubts.append(f"the check was made with another {role}: {change}")
+        if doubts:
             yield Flag(
-                "out-of-control", f"{self.path}, check of {self.chart.check[-1].date:%Y-%m-%d}: {'; '.join(against)}"
+                "out-of-control", f"{self.path}, check of {self.chart.check[-1].date:%Y-%m-%d}: {'; '.join(doubts)}"
             )
 
 
@@ -70,7 +70,7 @@ def chart_use(path: Path, valid_for: float) -> ChartUse:
 
 
 def settings_text(table: Mapping[str, Any]) -> str:
-    """Settings in a line.
+    """Return settings in a line.
 
     >>> settings_text({"type": "sphere", "radius": 0.005})
     'type sphere, radius 0.005'

@@ -1,4 +1,4 @@
-"""The line of a result that says which check of the rig stands behind it."""
+"""The line of a result on the latest check of its rig."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _DAY, _HOUR = 86400.0, 3600.0  # [s]
 
 
 def check_lines(result: Result) -> list[str]:
-    """One line for a run with ``[run] control``: ``control: E_n 0.40 on 2026-11-20, 3 days old, in control``."""
+    """Return one line for a run with ``[run] control``: ``control: E_n 0.40 on 2026-11-20, 3 days old, in control``."""
     check = result.run.get("control")
     if not check:
         return []
@@ -30,5 +30,5 @@ def age_text(age: float) -> str:
         return "made after the run"
     if age < _HOUR:
         return "of this hour"
-    number, word = (age / _DAY, "day") if age >= _DAY else (age / _HOUR, "hour")
-    return f"{number:.0f} {word}{'' if round(number) == 1 else 's'} old"
+    number, unit = (age / _DAY, "day") if age >= _DAY else (age / _HOUR, "hour")
+    return f"{number:.0f} {unit}{'' if round(number) == 1 else 's'} old"

@@ -22,7 +22,8 @@ from palpate_control.control_limits import BASELINE
 from palpate_control.reference import Reference, read_reference
 from palpate_control.run_check import RunCheck, check_of_run
 
-_ROWS = 15  # checks in the table
+_MAX_ROWS = 15  # checks in the table, the latest: a choice, they fit a screen
+_LIMIT_DIGITS = 3  # of a limit, and of a distance that is compared with it
 _CHART = Path("control.toml")
 
 
@@ -56,7 +57,7 @@ def control(
             raise ConfigurationError("name the RUN on the reference; without one the chart is only shown")
         whole = read_chart(chart)
     else:
-        whole = _with_run(run, _stated(reference, uncertainty, chart), chart, track)
+        whole = _with_run(run, _reference(reference, uncertainty, chart), chart, track)
     if not whole.check:
         raise ConfigurationError(f"{chart}: holds no check yet")
     if plot is not None:
@@ -72,8 +73,8 @@ def control(
         screen.print(line, highlight=False, markup=False)
 
 
-def _stated(reference: str | None, uncertainty: str | None, path: Path) -> Reference:
-    """The reference of the command line; without one that of the chart."""
+def _reference(reference: str | None, uncertainty: str | None, path: Path) -> Reference:
+    """Return the reference of the command line; without one that of the chart. Raises ConfigurationError."""
     if reference is not None:
         return read_reference(reference, uncertainty)
     if uncertainty is not None:
@@ -82,88 +83,89 @@ def _stated(reference: str | None, uncertainty: str | None, path: Path) -> Refer
         raise ConfigurationError(
             '--reference is missing: what the specimen is known to be, such as "112.5 kPa", or a TOML file'
         )
-    known = read_chart(path).reference
-    return Reference(known.name, known.value, known.unit, known.std)
+    reference_entry = read_chart(path).reference
+    return Reference(reference_entry.name, reference_entry.value, reference_entry.unit, reference_entry.std)
 
 
 def _with_run(run: Path, reference: Reference, path: Path, track: str | None) -> ControlChart:
-    """The chart with a run appended; raises UserError where the run does not belong there."""
-    before = read_chart(path) if path.exists() else None
-    checked = check_of_run(run, reference, track or (before.track if before else None))
-    known = registry.load()
-    if reference.tip is not None and checked.tip and not is_same_tip(reference.tip, checked.tip, known):
+    """Append a run to the chart, and return it; raises UserError where the run does not belong there."""
+    chart = read_chart(path) if path.exists() else None
+    run_check = check_of_run(run, reference, track or (chart.track if chart else None))
+    has_both_tips = reference.tip is not None and run_check.tip
+    if has_both_tips and not is_same_tip(reference.tip, run_check.tip, registry.load()):
         raise ConfigurationError(
-            f"{run}: its tip is {settings_text(checked.tip)}; the reference is for {settings_text(reference.tip)}"
+            f"{run}: its tip is {settings_text(run_check.tip)}; the reference is for {settings_text(reference.tip)}"
         )
-    if before is not None:
-        _demand_same(before, checked, reference, run, path)
-    of_chart = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
+    if chart is not None:
+        _demand_same(chart, run_check, reference, run, path)
+    chart_reference = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
     new = ControlChart(
         quantity=reference.quantity,
-        track=checked.track,
-        reference=of_chart,
-        tip=checked.tip,
-        sensor=checked.sensor,
-        robot=checked.robot,
+        track=run_check.track,
+        reference=chart_reference,
+        tip=run_check.tip,
+        sensor=run_check.sensor,
+        robot=run_check.robot,
     )
-    return append_check(path, new, checked.check)
+    return append_check(path, new, run_check.check)
 
 
-def _demand_same(chart: ControlChart, checked: RunCheck, reference: Reference, run: Path, path: Path) -> None:
+def _demand_same(chart: ControlChart, run_check: RunCheck, reference: Reference, run: Path, path: Path) -> None:
     """Raise ConfigurationError where a run is of another reference, track, tip, sensor or robot than the chart's."""
-    known, other = chart.reference, "--chart FILE begins another one"
-    if (known.value, known.unit, known.std) != (reference.value, reference.unit, reference.std):
-        word, factor = display_unit(known.unit)
-        is_of = f"{known.name} of {factor * known.value:.6g} ± {factor * known.std:.3g} {word}"
-        raise ConfigurationError(f"{path}: is the chart of another reference, {is_of}; {other}")
-    if chart.track != checked.track:
-        raise ConfigurationError(f"{run}: the chart {path} is of the track {chart.track}, not {checked.track}; {other}")
-    if chart.tip != checked.tip:  # by another law of the same ball the values are others
-        tips = f"{settings_text(checked.tip)}, in the chart {path} {settings_text(chart.tip)}"
-        raise ConfigurationError(f"{run}: another tip than the chart's: {tips}; {other}")
-    for word in ("sensor", "robot"):
-        before, present = getattr(chart, word), getattr(checked, word)
-        if (key := other_identity(before, present)) is not None:
-            both = f"{key.replace('_', ' ')} {present[key]}, in the chart {path} {before[key]}"
-            raise ConfigurationError(f"{run}: another {word} than the chart's: {both}; {other}")
+    charted, hint = chart.reference, "--chart FILE begins another one"
+    if (charted.value, charted.unit, charted.std) != (reference.value, reference.unit, reference.std):
+        unit, factor = display_unit(charted.unit)
+        text = f"{charted.name} of {factor * charted.value:.6g} ± {factor * charted.std:.3g} {unit}"
+        raise ConfigurationError(f"{path}: is the chart of another reference, {text}; {hint}")
+    if chart.track != run_check.track:
+        text = f"the chart {path} is of the track {chart.track}, not {run_check.track}"
+        raise ConfigurationError(f"{run}: {text}; {hint}")
+    if chart.tip != run_check.tip:  # by another law of the same ball the values are others
+        text = f"{settings_text(run_check.tip)}, in the chart {path} {settings_text(chart.tip)}"
+        raise ConfigurationError(f"{run}: another tip than the chart's: {text}; {hint}")
+    for role in ("sensor", "robot"):
+        charted_identity, identity = getattr(chart, role), getattr(run_check, role)
+        if (key := other_identity(charted_identity, identity)) is not None:
+            text = f"{key.replace('_', ' ')} {identity[key]}, in the chart {path} {charted_identity[key]}"
+            raise ConfigurationError(f"{run}: another {role} than the chart's: {text}; {hint}")
 
 
 def _table(chart: ControlChart) -> Table:
-    """The last checks, with both uncertainties, E_n and what the limits allow."""
-    word, factor = display_unit(chart.reference.unit)
-    known = value_with_uncertainty(factor * chart.reference.value, factor * chart.reference.std)
+    """Return the table of the last checks, with both uncertainties, E_n, and distances with their limits."""
+    unit, factor = display_unit(chart.reference.unit)
     rows = []
-    states = chart.states
-    for number, (check, state) in list(enumerate(zip(chart.check, states, strict=True), 1))[-_ROWS:]:
+    numbered_checks = list(enumerate(zip(chart.check, chart.states, strict=True), 1))
+    for number, (check, state) in numbered_checks[-_MAX_ROWS:]:
         rows.append(
             (
                 f"{number}",
                 f"{check.date:%Y-%m-%d %H:%M}",
                 value_with_uncertainty(factor * check.value, factor * check.std),
                 f"{state.e_n:+.2f}",
-                *_within(factor * (check.value - state.centre), factor * state.limit),
-                *_within(factor * (state.ewma - state.centre), factor * state.ewma_limit),
+                *_distance_texts(factor * (check.value - state.centre), factor * state.limit),
+                *_distance_texts(factor * (state.ewma - state.centre), factor * state.ewma_limit),
                 "in control" if state.in_control else "out of control",
             )
         )
-    headings = ("", "date", f"{chart.quantity}\n{word}", "E_n", "from\ncentre", "3 sigma", "EWMA", "limit", "state")
-    return Table.of(f"{chart.reference.name}, {chart.quantity} {known} {word}", headings, rows, ("date", "state"))
+    headings = ("", "date", f"{chart.quantity}\n{unit}", "E_n", "from\ncentre", "3 sigma", "EWMA", "limit", "state")
+    reference = value_with_uncertainty(factor * chart.reference.value, factor * chart.reference.std)
+    return Table.of(f"{chart.reference.name}, {chart.quantity} {reference} {unit}", headings, rows, ("date", "state"))
 
 
-def _within(distance: float, limit: float) -> tuple[str, str]:
-    """A distance from the centre and its limit, to three digits of the limit; nothing before there is any.
+def _distance_texts(distance: float, limit: float) -> tuple[str, str]:
+    """Return a distance from the centre and its limit, to three digits of the limit; empty without a limit.
 
-    >>> _within(0.0672, 1.33)
+    >>> _distance_texts(0.0672, 1.33)
     ('+0.07', '1.33')
     """
     if not limit:
         return "", ""
-    digits = max(0, 2 - math.floor(math.log10(limit)))
+    digits = max(0, _LIMIT_DIGITS - 1 - math.floor(math.log10(limit)))
     return f"{distance:+.{digits}f}", f"{limit:.{digits}f}"
 
 
 def _lines(chart: ControlChart, path: Path) -> Iterator[str]:
-    """Verdict of the last check, why, where the limits come from, and what to do with the chart."""
+    """Yield the verdict of the last check with its reasons, the source of the limits, and the use of the chart."""
     state = chart.states[-1]
     sensor, robot = (settings_text(facts) if facts else "not identified" for facts in (chart.sensor, chart.robot))
     yield f"track {chart.track}; tip: {settings_text(chart.tip)}; sensor: {sensor}; robot: {robot}"
@@ -177,7 +179,7 @@ def _lines(chart: ControlChart, path: Path) -> Iterator[str]:
 
 
 def _document(chart: ControlChart, path: Path) -> dict[str, Any]:
-    """Everything that is known, in SI."""
+    """Return the chart with the states of its checks, in SI."""
     checks = [
         {**check.model_dump(mode="json"), "in_control": state.in_control, "state": state}
         for check, state in zip(chart.check, chart.states, strict=True)

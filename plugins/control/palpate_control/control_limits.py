@@ -1,4 +1,4 @@
-"""E_n, Shewhart's chart for individuals and the EWMA chart: limits, and what lies beyond them."""
+"""E_n, Shewhart's chart for individuals and the EWMA chart: their limits, and the state of each check."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from itertools import pairwise
 
 from palpate_kit.numerics.normalised_error import normalised_error
 
-BASELINE = 25  # checks in control, from whose scatter the limits are then taken
-SHEWHART = 3.0  # standard deviations
-WEIGHT = 0.2  # lambda of the EWMA
-EWMA = 2.859  # its standard deviations: 370 checks on average until a false alarm
+BASELINE = 25  # checks in control, from whose scatter the limits are then taken: a choice
+SHEWHART = 3.0  # standard deviations (ISO 7870-2:2023)
+WEIGHT = 0.2  # lambda of the EWMA (Lucas and Saccucci 1990)
+EWMA = 2.859  # its standard deviations: 370 checks on average until a false alarm (Lucas and Saccucci 1990)
+_MAX_E_N = 1.0  # beyond which a value is not that of the reference (ISO 13528)
 _RANGE = 2 / math.sqrt(math.pi)  # d_2: mean moving range of two values over their standard deviation
 
 
@@ -27,14 +28,14 @@ class CheckValue:
 
 @dataclass(frozen=True)
 class CheckState:
-    """A check in the chart [SI]: the limits that it has to keep, and what it fails."""
+    """The state of a check in the chart [SI]: its limits, and those that it fails."""
 
     e_n: float
     centre: float
     limit: float  # distance from the centre that Shewhart's chart allows
     ewma: float
     ewma_limit: float
-    own_scatter: bool  # whether the limits are those of the chart's own scatter
+    own_scatter: bool  # True: the limits are by the chart's own scatter
     reasons: tuple[str, ...]
 
     @property
@@ -60,7 +61,7 @@ class _Average:
 
     @property
     def limit(self) -> float:
-        """Distance from the centre that it is allowed."""
+        """Largest distance from the centre in control."""
         return EWMA * math.hypot(math.sqrt(self.variance), self.common)
 
 
@@ -77,34 +78,38 @@ def check_states(readings: Sequence[CheckValue], reference: float, reference_std
     """
     states: list[CheckState] = []
     baseline: list[float] = []
-    average, own = _Average(reference, reference), None
+    average, scatter = _Average(reference, reference), None
     for reading in readings:
-        if own is None and len(baseline) == BASELINE:
-            own, middle = _scatter(baseline), sum(baseline) / BASELINE
-            average = _Average(middle, middle) if own else average
+        # Once the baseline is whole, centre and limits are its own.
+        if scatter is None and len(baseline) == BASELINE:
+            scatter, mean = _scatter(baseline), sum(baseline) / BASELINE
+            average = _Average(mean, mean) if scatter else average
+
+        # E_n and Shewhart's chart; a check that keeps both is part of the moving average.
         e_n = normalised_error(reading.value, reading.std, reference, reference_std)
-        limit = SHEWHART * (own or math.hypot(reading.std, reference_std))
-        reasons = list(_alone(e_n, reading.value - average.centre, limit))
+        limit = SHEWHART * (scatter or math.hypot(reading.std, reference_std))
+        reasons = list(_single_reasons(e_n, reading.value - average.centre, limit))
         if not reasons:
-            shared = 0.0 if own else math.sqrt(max(reading.std**2 - reading.repeat_std**2, 0.0) + reference_std**2)
-            average.add(reading.value, own or reading.repeat_std, shared)
+            shared_variance = max(reading.std**2 - reading.repeat_std**2, 0.0) + reference_std**2
+            average.add(reading.value, scatter or reading.repeat_std, 0.0 if scatter else math.sqrt(shared_variance))
             if abs(average.value - average.centre) > average.limit:
                 reasons.append("the moving average (EWMA) is beyond its limits: a small change that lasts")
-        states.append(CheckState(e_n, average.centre, limit, average.value, average.limit, bool(own), tuple(reasons)))
+        has_scatter = bool(scatter)
+        states.append(CheckState(e_n, average.centre, limit, average.value, average.limit, has_scatter, tuple(reasons)))
         if not reasons and len(baseline) < BASELINE:
             baseline.append(reading.value)
     return states
 
 
 def _scatter(values: Sequence[float]) -> float:
-    """Standard deviation by the mean moving range, which contains no drift."""
+    """Return the standard deviation by the mean moving range, which contains no drift."""
     ranges = [abs(after - before) for before, after in pairwise(values)]
     return sum(ranges) / len(ranges) / _RANGE
 
 
-def _alone(e_n: float, distance: float, limit: float) -> Iterator[str]:
-    """What a check fails by itself, a sentence each."""
-    if abs(e_n) > 1:
+def _single_reasons(e_n: float, distance: float, limit: float) -> Iterator[str]:
+    """Yield a sentence for each limit that a check fails by itself."""
+    if abs(e_n) > _MAX_E_N:
         yield f"E_n is {e_n:.2f}, beyond 1: the value is not that of the reference"
     if abs(distance) > limit:
         yield "the value is beyond the 3 sigma limits of the chart"

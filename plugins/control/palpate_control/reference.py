@@ -28,33 +28,32 @@ class Reference:
 
     @property
     def quantity(self) -> str:
-        """The value of a run that it is compared with."""
+        """Name of the value of a run that is compared with it."""
         return QUANTITIES[self.unit]
 
 
-def read_reference(given: str, uncertainty: str | None) -> Reference:
-    """Return the reference that a command line states: a value with a unit, or a TOML file; raises
-    ConfigurationError."""
-    if not given.endswith(".toml"):
+def read_reference(text: str, uncertainty: str | None) -> Reference:
+    """Return the reference of a command line: a value with a unit, or a TOML file; raises ConfigurationError."""
+    if not text.endswith(".toml"):
         if uncertainty is None:
             raise ConfigurationError(f"--uncertainty is missing: the reference needs {_UNCERTAINTY}")
-        return _reference("reference", given, uncertainty, "--reference", "--uncertainty")
+        return _reference("reference", text, uncertainty, "--reference", "--uncertainty")
     if uncertainty is not None:
-        raise ConfigurationError(f"--uncertainty: {given} states that of its reference; leave one of them out")
-    table = _table(Path(given))
+        raise ConfigurationError(f"--uncertainty: {text} states that of its reference; leave one of them out")
+    table = _table(Path(text))
     for key in table:
         if key not in _KEYS:
-            raise ConfigurationError(f"{given}: [reference] {key}: no such key{suggest(key, _KEYS)}")
+            raise ConfigurationError(f"{text}: [reference] {key}: no such key{suggest(key, _KEYS)}")
     missing = [key for key in ("name", "value", "uncertainty") if key not in table]
     if missing:
-        wanted = {
+        meanings = {
             "name": "what the reference is",
             "value": 'its value, such as "112.5 kPa"',
             "uncertainty": _UNCERTAINTY,
         }
-        raise ConfigurationError(f"{given}: [reference] {missing[0]} is missing: {wanted[missing[0]]}")
-    keys = (f"{given}: [reference] value", f"{given}: [reference] uncertainty")
-    tip = _tip(Path(given), table["tip"]) if "tip" in table else None
+        raise ConfigurationError(f"{text}: [reference] {missing[0]} is missing: {meanings[missing[0]]}")
+    keys = (f"{text}: [reference] value", f"{text}: [reference] uncertainty")
+    tip = _tip(Path(text), table["tip"]) if "tip" in table else None
     return _reference(str(table["name"]), table["value"], table["uncertainty"], *keys, tip)
 
 
@@ -106,6 +105,6 @@ def _tip(path: Path, table: Any) -> dict[str, Any]:
     """Return the tip of a reference as runs state theirs."""
     source = Source("", path)
     source.tables = {"indenter": {"tip": table}}
-    known = registry.load()
-    found: dict[str, Any] = plain_settings(build_parts(source, "indenter", known)["tip"], known)
-    return found
+    parts = registry.load()
+    settings: dict[str, Any] = plain_settings(build_parts(source, "indenter", parts)["tip"], parts)
+    return settings

@@ -1,4 +1,4 @@
-"""What a run on a reference found: its value, tip and sensor, as a check for the chart."""
+"""The result of a run on a reference as a check for the chart: value, tip, sensor and robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_control.chart_file import RecordedCheck
 from palpate_control.reference import Reference
 
-_REPEAT = ("std", "settling", "systematic_tare")  # what differs from run to run
+_REPEAT_TERMS = ("std", "settling", "systematic_tare")  # of the uncertainty, that differ from run to run
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,8 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
         raise LogError(f"{path}: is not a run folder with a {RESULT}")
     document = folder.result
     name = _track(path, document["tracks"], reference, track)
-    found = values_by_name(document["tracks"][name])[reference.quantity]
+    value = values_by_name(document["tracks"][name])[reference.quantity]
+    repeat_std = math.hypot(*(value.get(term) or 0.0 for term in _REPEAT_TERMS))
     pipeline = _pipeline(folder)
     return RunCheck(
         name,
@@ -52,36 +53,34 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
             date=datetime.fromisoformat(document["run"]["started"]),
             run=str(path),
             digest=hashlib.sha256((path / RESULT).read_bytes()).hexdigest(),
-            value=found["value"],
-            std=found["combined"],
-            repeat_std=min(math.hypot(*(found.get(key) or 0.0 for key in _REPEAT)), found["combined"]),
+            value=value["value"],
+            std=value["combined"],
+            repeat_std=min(repeat_std, value["combined"]),
         ),
     )
 
 
-def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, wanted: str | None) -> str:
-    """Return the track of a name, or the best of those that have the value; raises ConfigurationError where none
-    has."""
-    if wanted is not None and wanted not in tracks:
-        raise ConfigurationError(f"{path}: no track {wanted!r}{suggest(wanted, tracks)}")
-    among = tracks if wanted is None else {wanted: tracks[wanted]}
-    having = {name: table for name, table in among.items() if reference.quantity in values_by_name(table)}
-    if not having:
+def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, name: str | None) -> str:
+    """Return the track of a name, or the best of those that have the value; raises ConfigurationError without any.
+
+    The best has the best verdict, and of these the smallest uncertainty.
+    """
+    if name is not None and name not in tracks:
+        raise ConfigurationError(f"{path}: no track {name!r}{suggest(name, tracks)}")
+    candidates = tracks if name is None else {name: tracks[name]}
+    with_value = {label: table for label, table in candidates.items() if reference.quantity in values_by_name(table)}
+    if not with_value:
         spring = '; a spring is palpated with [model.*] type = "kelvin-voigt"' if reference.unit == "N/m" else ""
         raise ConfigurationError(f"{path}: has no {reference.quantity} to compare with {reference.name!r}{spring}")
-    usable = {
-        name: table for name, table in having.items() if verdict_rank(table["verdict"]) <= verdict_rank("doubtful")
-    }
+    ranks = {label: verdict_rank(table["verdict"]) for label, table in with_value.items()}
+    usable = [label for label, rank in ranks.items() if rank <= verdict_rank("doubtful")]
     if not usable:
-        raise ConfigurationError(f"{path}: {', '.join(having)} is invalid, and checks nothing; see its flags")
-    known = {name: table for name, table in usable.items() if values_by_name(table)[reference.quantity].get("combined")}
-    if not known:
+        raise ConfigurationError(f"{path}: {', '.join(with_value)} is invalid, and checks nothing; see its flags")
+    uncertainties = {label: values_by_name(with_value[label])[reference.quantity].get("combined") for label in usable}
+    judged = [label for label in usable if uncertainties[label]]
+    if not judged:
         raise ConfigurationError(f"{path}: the uncertainty of {reference.quantity} is not known, so it checks nothing")
-    return min(known, key=lambda name: (verdict_rank(known[name]["verdict"]), _width(known[name], reference)))
-
-
-def _width(table: Mapping[str, Any], reference: Reference) -> float:
-    return float(values_by_name(table)[reference.quantity]["combined"])
+    return min(judged, key=lambda label: (ranks[label], float(uncertainties[label])))
 
 
 def _pipeline(folder: RunFolder) -> dict[str, Any]:
@@ -94,18 +93,17 @@ def _pipeline(folder: RunFolder) -> dict[str, Any]:
 
 def _tip(pipeline: Mapping[str, Any], model: str) -> dict[str, Any]:
     """Return the tip of a model, named or written out; the only one of the pipeline where the model states none."""
-    stated = pipeline.get("model", {}).get(model, {}).get("indenter")
+    tip = pipeline.get("model", {}).get(model, {}).get("indenter")
     tips = pipeline.get("indenter", {})
-    if isinstance(stated, str):
-        return dict(tips[stated])
-    return dict(stated or (next(iter(tips.values())) if len(tips) == 1 else {}))
+    if isinstance(tip, str):
+        return dict(tips[tip])
+    return dict(tip or (next(iter(tips.values())) if len(tips) == 1 else {}))
 
 
 def _device(pipeline: Mapping[str, Any], run: Mapping[str, Any], role: str) -> dict[str, str]:
-    """What identifies the device that force or position are read from."""
+    """Return the identity of the device from which force or position are read."""
     device = str(pipeline.get("alignment", {}).get(role, {}).get("channel", "")).partition(".")[0]
-    stated = {
-        key.removeprefix(f"{device}."): text for key, text in run["inputs"].items() if key.startswith(f"{device}.")
-    }
-    stated |= run.get("live", {}).get("devices", {}).get(device, {})
-    return {key: text for key, text in stated.items() if isinstance(text, str) and is_identity(key)}
+    prefix = f"{device}."
+    facts = {key.removeprefix(prefix): text for key, text in run["inputs"].items() if key.startswith(prefix)}
+    facts |= run.get("live", {}).get("devices", {}).get(device, {})
+    return {key: text for key, text in facts.items() if isinstance(text, str) and is_identity(key)}

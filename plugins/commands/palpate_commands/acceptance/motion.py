@@ -48,7 +48,7 @@ class StrokesRecord:
         """Ignore samples: nothing is estimated."""
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Ignore estimates: there are none."""
+        """Ignore estimates: a run of strokes has no tracks."""
 
 
 def main(arguments: Sequence[str]) -> int:
