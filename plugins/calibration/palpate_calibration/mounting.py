@@ -40,12 +40,12 @@ def mounting_fit(
     """Return the mounting M from mean forces (n, 3) [N] in n >= 3 orientations (n, 3, 3) of the tool.
 
     f = q m g M^T d + f0 with d = R^T e, the direction `down` of gravity in the tool's frame, and q = 1 or -1 by the
-    sensor's convention. q M^T is orthogonal: scale, matrix and bias that leave the least squares have a closed form by singular
-    values (Umeyama 1991), once for each q. A turn about one direction of gravity changes nothing, and with an unknown
-    bias only differences of directions count: three ends of d that are not on a line determine M, and four that are not
-    in a plane exclude its mirror image, and so give q. Where they are in one, `sign`, that of the force that pushes the
-    tip out, stands for q. `std` [N] is that of a mean force. Raises LogError where the readings say less, or do not
-    follow the orientations as well as those that are off by `angle` [rad].
+    sensor's convention. q M^T is orthogonal: scale, matrix and bias that leave the least squares have a closed form by
+    singular values (Umeyama 1991), once for each q. A turn about one direction of gravity changes nothing, and with an
+    unknown bias only differences of directions count: three ends of d that are not on a line determine M, and four that
+    are not in a plane exclude its mirror image, and so give q. Where they are in one, `sign`, that of the force that
+    pushes the tip out, stands for q. `std` [N] is that of a mean force. Raises LogError where the readings say less, or
+    do not follow the orientations as well as those that are off by `angle` [rad].
     """
     # Differences of forces and of directions, which have no bias.
     downs = np.einsum("nij,i->nj", tools, down)
