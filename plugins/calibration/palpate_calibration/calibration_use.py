@@ -81,7 +81,7 @@ class AppliedCalibration:
     def _orientation(self, settings: AlignmentSettings) -> dict[str, Any]:
         """Return the sensor's mounting, and its bias for a calibrated tare.
 
-        The offset is no tare for a tool that turns: it has the weight of one posture in it.
+        The offset has the weight of one posture in it, and does not hold for a tool that turns.
         """
         changes = dict[str, Any]()
         mounting, bias = ([self.values.get(f"{name}_{axis}") for axis in "xyz"] for name in ("mounting", "bias"))

@@ -74,7 +74,7 @@ def _least_squares(columns: Floats, values: Floats) -> Floats:
 
 
 def harmonics_of(frequencies: Sequence[float], max_frequency: float, span: float) -> list[float]:
-    """Return second and third harmonics [Hz] that are no lines themselves, of a record of `span` [s]."""
+    """Return second and third harmonics [Hz] other than the lines, of a record of `span` [s]."""
     harmonics: list[float] = []
     for frequency in frequencies:
         for order in range(2, _HARMONICS + 1):
