@@ -91,10 +91,10 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
     """Append a run to the chart, and return it; raises UserError where the run does not belong there."""
     chart = read_chart(path) if path.exists() else None
     run_check = check_of_run(run, reference, track or (chart.track if chart else None))
-    has_both_tips = reference.tip is not None and run_check.tip
-    if has_both_tips and not is_same_tip(reference.tip, run_check.tip, registry.load()):
+    tip = reference.tip if run_check.tip else None
+    if tip is not None and not is_same_tip(tip, run_check.tip, registry.load()):
         raise ConfigurationError(
-            f"{run}: its tip is {settings_text(run_check.tip)}; the reference is for {settings_text(reference.tip)}"
+            f"{run}: its tip is {settings_text(run_check.tip)}; the reference is for {settings_text(tip)}"
         )
     if chart is not None:
         _demand_same(chart, run_check, reference, run, path)

@@ -76,11 +76,13 @@ def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, name: st
     usable = [label for label, rank in ranks.items() if rank <= verdict_rank("doubtful")]
     if not usable:
         raise ConfigurationError(f"{path}: {', '.join(with_value)} is invalid, and checks nothing; see its flags")
-    uncertainties = {label: values_by_name(with_value[label])[reference.quantity].get("combined") for label in usable}
-    judged = [label for label in usable if uncertainties[label]]
-    if not judged:
+    uncertainties: dict[str, float] = {}
+    for label in usable:
+        if uncertainty := values_by_name(with_value[label])[reference.quantity].get("combined"):
+            uncertainties[label] = float(uncertainty)
+    if not uncertainties:
         raise ConfigurationError(f"{path}: the uncertainty of {reference.quantity} is not known, so it checks nothing")
-    return min(judged, key=lambda label: (ranks[label], float(uncertainties[label])))
+    return min(uncertainties, key=lambda label: (ranks[label], uncertainties[label]))
 
 
 def _pipeline(folder: RunFolder) -> dict[str, Any]:
