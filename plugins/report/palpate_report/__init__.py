@@ -7,7 +7,7 @@ from palpate import Command, Diagnosis, Report, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Report and pictures."""
+    """Return the commands of report and pictures."""
     return {
         "report": Command(
             "palpate_report.report_command:report", "Write a one-page report on one run or many.", "share"
@@ -20,11 +20,11 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, Report]]:
-    """What `palpate run --report` writes."""
+    """Return the report that `palpate run --report` writes."""
     return {"report": {"report": Report("palpate_report.report_command:write_report")}}
 
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """How white the innovations of each track are, at the full rate of the samples."""
+    """Return the autocorrelation of the innovations of each track, at the full rate of the samples."""
     return {"innovations": Diagnosis("palpate_report.whiteness:innovations")}

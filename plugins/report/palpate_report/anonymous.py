@@ -15,7 +15,7 @@ _BARE = re.compile(r"(?<![\w./~:-])(?:~|\.{1,2}|[A-Za-z]:)?(?:[/\\][\w.+@~-]+){2
 _FILE = re.compile(
     r"(?<![\w./~:-])[\w.+@~-]+(?:[/\\][\w.+@~-]+)*[/\\]([\w.+@~-]+\.(?:mcap|csv|toml|json|py|db3|gz|bag|yaml|txt))\b"
 )
-_LEAST = 3  # characters of a host's name that is looked for in texts
+_MIN_LENGTH = 3  # characters of a host's name that is looked for in texts: a choice, shorter ones are words
 
 
 def last_name(path: str) -> str:
@@ -38,7 +38,7 @@ def without_paths(text: str, hosts: tuple[str, ...] = (), roots: tuple[str, ...]
     text = _QUOTED.sub(lambda found: f"{found[1]}{last_name(found[2])}{found[1]}", text)
     text = _FILE.sub(lambda found: found[1], _BARE.sub(lambda found: last_name(found[0]), text))
     for host in hosts:
-        if len(host) >= _LEAST:
+        if len(host) >= _MIN_LENGTH:
             text = re.sub(rf"(?<!\w){re.escape(host)}(?!\w)", "(host)", text)
     return text
 
@@ -57,7 +57,7 @@ class Anonymous:
             *_paths(resolved),
             *_paths(document),
         ]
-        self._roots = tuple(dict.fromkeys(path for path in named if len(path) > _LEAST))
+        self._roots = tuple(dict.fromkeys(path for path in named if len(path) > _MIN_LENGTH))
 
     def text(self, text: str) -> str:
         """Return a text without host and paths."""

@@ -1,4 +1,4 @@
-"""The references of a methods section: what the sources of models are called, as BibTeX and as plain text."""
+"""The references of a methods section, by the sources of models, as BibTeX and as plain text."""
 
 from __future__ import annotations
 
@@ -24,38 +24,42 @@ class CitedWork:
     @property
     def text(self) -> str:
         """Author, title and place in one line."""
-        known = {name: re.sub(r"[{}]", "", text).replace("--", "\N{EN DASH}") for name, text in self.fields.items()}
-        authors = ", ".join(map(_short_name, known["author"].split(" and ")))
-        where = known.get("journal") or known.get("publisher") or known["institution"]
-        number = f"({known['number']})" if "number" in known and "volume" in known else ""
+        fields = {name: re.sub(r"[{}]", "", text).replace("--", "\N{EN DASH}") for name, text in self.fields.items()}
+        authors = ", ".join(map(_short_name, fields["author"].split(" and ")))
+        where = fields.get("journal") or fields.get("publisher") or fields["institution"]
+        number = f"({fields['number']})" if "number" in fields and "volume" in fields else ""
         volume = (
-            f" {known['volume']}{number}" if "volume" in known else f", {known['number']}" if "number" in known else ""
+            f" {fields['volume']}{number}"
+            if "volume" in fields
+            else f", {fields['number']}"
+            if "number" in fields
+            else ""
         )
-        pages = f", {known['pages']}" if "pages" in known else ""
-        doi = f", doi:{known['doi']}" if "doi" in known else ""
-        return f"{authors} ({known['year']}). {known['title']}. {where}{volume}{pages}{doi}."
+        pages = f", {fields['pages']}" if "pages" in fields else ""
+        doi = f", doi:{fields['doi']}" if "doi" in fields else ""
+        return f"{authors} ({fields['year']}). {fields['title']}. {where}{volume}{pages}{doi}."
 
 
 def _short_name(author: str) -> str:
-    """Surname and initials.
+    """Return surname and initials.
 
     >>> _short_name("Popov, Valentin L."), _short_name("Joint Committee for Guides in Metrology")
     ('Popov VL', 'Joint Committee for Guides in Metrology')
     """
-    surname, comma, given = author.partition(", ")
-    return f"{surname} {''.join(name[0] for name in given.replace('-', ' ').split())}" if comma else author
+    surname, comma, first_names = author.partition(", ")
+    return f"{surname} {''.join(name[0] for name in first_names.replace('-', ' ').split())}" if comma else author
 
 
 @cache
 def references() -> dict[str, CitedWork]:
     """Return every reference by its key."""
     text = files("palpate_report").joinpath("references.bib").read_text(encoding="utf-8")
-    found = {}
+    works = {}
     for match in _ENTRY.finditer(text):
         fields = {field["name"]: field["text"] for field in _FIELD.finditer(match["fields"])}
         bibtex = re.sub(r",\n  sources = \{.*\}\n", "\n", match[0])
-        found[match["key"]] = CitedWork(match["key"], bibtex, fields)
-    return found
+        works[match["key"]] = CitedWork(match["key"], bibtex, fields)
+    return works
 
 
 def keys_of(sources: str) -> tuple[str, ...]:
@@ -65,7 +69,7 @@ def keys_of(sources: str) -> tuple[str, ...]:
 
 
 def sources_of(part: type) -> str:
-    """What the documentation of a model, tip or estimator names as its source; "" where it names none."""
+    """Return the source in the docstring of a model, tip or estimator; empty without one."""
     match = _SOURCE.search(part.__doc__ or "")
     return " ".join(match[1].split()) if match else ""
 

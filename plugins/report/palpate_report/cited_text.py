@@ -26,13 +26,13 @@ class CitedText:
 
     @property
     def keys(self) -> list[str]:
-        """What is cited, in its order."""
+        """Keys of the cited works, in their order."""
         whole = " ".join(self.paragraphs.values())
         return list(dict.fromkeys(key for match in _CITED.finditer(whole) for key in match[1].split(",")))
 
     @property
     def plain(self) -> str:
-        """As text, its citations numbered."""
+        """Plain text with numbered citations and a list of references."""
         numbers = {key: str(number) for number, key in enumerate(self.keys, start=1)}
         parts = [
             f"{heading}\n\n{_CITED.sub(lambda m: f' [{_numbered(m[1], numbers)}]', text)}"
@@ -43,7 +43,7 @@ class CitedText:
 
     @property
     def latex(self) -> str:
-        """As LaTeX that another document includes."""
+        """LaTeX that another document includes."""
         head = "% \\input{methods} in a document with \\bibliography{methods}; in UTF-8\n"
         return head + "".join(
             f"\n\\subsection*{{{latex_text(heading)}}}\n{_latex(text)}\n" for heading, text in self.paragraphs.items()
@@ -51,7 +51,7 @@ class CitedText:
 
     @property
     def bibtex(self) -> str:
-        """The entries of what is cited."""
+        """BibTeX entries of the cited works."""
         return bibtex_of(self.keys)
 
 

@@ -9,15 +9,15 @@ import numpy as np
 from palpate_engine import display_unit
 from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
 
-from palpate_report.group_numbers import APART, GroupRun, number_of, numbers_of
+from palpate_report.group_numbers import MIN_SITE_DISTANCE, GroupRun, number_of, numbers_of
 from palpate_report.run_verdict import LEVELS
 
 _MARKS = "osD^vPX"
-_DRAWN = 2000  # points that are drawn one by one; more of them are a picture of dots
+_MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
 
 
 def caption_of(parameter: str, noun: str = "run") -> str:
-    """What the picture of one parameter shows."""
+    """Return the caption of the picture of one parameter."""
     return f"{parameter.replace('_', ' ')} of each {noun}; bars are two combined uncertainties, hollow: to be looked at"
 
 
@@ -48,7 +48,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
                 2 * factor * combined,
                 marker=_MARKS[i % len(_MARKS)],
                 label=label,
-                rasterized=len(points) > _DRAWN,
+                rasterized=len(points) > _MAX_VECTOR_POINTS,
                 **look,
                 **fill,
             )
@@ -76,13 +76,13 @@ def _level(run: GroupRun, track: str) -> str | None:
 def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
     """Return the places of the runs, coloured by value; None where they are one place."""
     found = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
-    if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < APART:
+    if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < MIN_SITE_DISTANCE:
         return None
     word, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
     x, y = 1e3 * np.array([place for place, _ in found]).T
     shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in found], s=40, edgecolors="black", linewidths=0.4)
-    shown.set_rasterized(len(found) > _DRAWN)
+    shown.set_rasterized(len(found) > _MAX_VECTOR_POINTS)
     figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{word}]")
     axes[0, 0].set(xlabel="x [mm]", ylabel="y [mm]")
     axes[0, 0].set_aspect("equal", adjustable="datalim")

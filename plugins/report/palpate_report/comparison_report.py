@@ -20,7 +20,7 @@ from palpate_kit.terminal.result_table import ResultRow, ResultTable
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
-from palpate_report.group_numbers import APART, GroupRun, common_of, compare_runs, numbers_of
+from palpate_report.group_numbers import MIN_SITE_DISTANCE, GroupRun, common_of, compare_runs, numbers_of
 from palpate_report.number_texts import readable
 from palpate_report.result_box import result_box
 from palpate_report.run_contents import RunContents
@@ -28,13 +28,12 @@ from palpate_report.run_report import render
 from palpate_report.run_verdict import judge
 from palpate_report.svg import svg_text
 
-_SHOWN = 200  # runs whose rows are on the page
+_MAX_ROWS = 200  # runs with a row on the page: a choice
 _COMPARED = ("value", "combined", "systematic", "unit", "verdict")  # of each parameter
 
 
 def comparison_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymous: bool) -> str:
-    """Return the whole page of many runs, read one by one; raises LogError where one is not a run, or none has a
-    result."""
+    """Return the page of many runs, read one by one; raises LogError where one is not a run, or none has a result."""
     pipelines = dict[str, str]()  # each text once: most runs share one
     runs = [_run(name, path, pipelines, anonymous) for name, paths in groups.items() for path in paths]
     return page_of_runs(runs, list(groups), track)
@@ -49,7 +48,7 @@ def page_of_runs(
     study: Mapping[str, Any] | None = None,
     unit: str | None = None,
 ) -> str:
-    """The whole page of runs, or of what else a noun calls them, in groups that are compared by units of replication.
+    """Return the page of runs, or of what a noun calls them, in groups that are compared by units of replication.
 
     Raises LogError where none has a result, ConfigurationError for an unknown unit.
     """
@@ -83,8 +82,8 @@ def page_of_runs(
         pictures=pictures,
         sites=svg_text(sites) if sites is not None else None,
         parameters=list(parameters),
-        rows=[_row(run, chosen, parameters) for run in runs[:_SHOWN]],
-        hidden=max(len(runs) - _SHOWN, 0),
+        rows=[_row(run, chosen, parameters) for run in runs[:_MAX_ROWS]],
+        hidden=max(len(runs) - _MAX_ROWS, 0),
         pipeline=_pipelines(runs),
         study=study,
     )
@@ -122,7 +121,7 @@ def _run(group: str, path: Path, pipelines: dict[str, str], anonymous: bool) -> 
 
 
 def _compared(table: Mapping[str, Any]) -> dict[str, Any]:
-    """What is compared of a track of a result."""
+    """Return the numbers of a track that are compared."""
     numbers = {
         name: {key: found[key] for key in _COMPARED if key in found} for name, found in table["parameters"].items()
     }
@@ -132,7 +131,7 @@ def _compared(table: Mapping[str, Any]) -> dict[str, Any]:
 def _place(record: RunContents) -> tuple[float, float] | None:
     for _, track in RunContents(record.folder).tracks.values():  # read for this alone, and not kept in memory
         known = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
-        if len(known) and np.ptp(known, axis=0).max() < APART:
+        if len(known) and np.ptp(known, axis=0).max() < MIN_SITE_DISTANCE:
             x, y = np.median(known, axis=0).tolist()
             return x, y
     return None
@@ -200,7 +199,7 @@ def _tests(comparison: GroupComparison, parameter: str, unit: str) -> list[dict[
 
 
 def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
-    """How groups were compared, and what that does not say."""
+    """Return sentences on the comparison of groups, and on its limits."""
     found: list[str] = []
     for name, comparison in comparisons.items():
         most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""

@@ -96,7 +96,7 @@ def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:
 
 
 def _notes(rows: Sequence[CurveRow], where: str | None, path: Path) -> list[str]:
-    """What must be known of the rows that are shown."""
+    """Return the notes on the rows that are shown."""
     rejected = sum(row.rejected is not None for row in rows)
     found = [f"Only curves of {where}."] if where else []
     if rejected:

@@ -11,14 +11,14 @@ from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside
 
 from palpate_report.figure_data import swept, thin_rows
-from palpate_report.figure_subject import MOST, TRACKS, ReportFigure, Subject, beside
+from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, Subject, beside
 
-_PANELS = 8
+_MAX_PANELS = 8  # of a figure: a choice, they fit a page
 
 
 def estimates(subject: Subject) -> ReportFigure | None:
     """Return every parameter over time with bands of two standard deviations, by model; the truth where it is known."""
-    panels = [(names, parameter) for names, parameter in _panels(subject) if names][:_PANELS]
+    panels = [(names, parameter) for names, parameter in _panels(subject) if names][:_MAX_PANELS]
     if not panels:
         return None
     columns = beside(subject, len(panels))
@@ -38,7 +38,7 @@ def _panels(subject: Subject) -> list[tuple[list[str], str]]:
     for name in subject.tracks:
         for parameter in subject.curves(name).values if subject.curves(name).used.any() else ():
             by_model.setdefault((name.partition("/")[0], parameter), []).append(name)
-    return [(names[:TRACKS], parameter) for (_, parameter), names in by_model.items()]
+    return [(names[:MAX_TRACKS], parameter) for (_, parameter), names in by_model.items()]
 
 
 def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter: str, data: dict[str, Floats]) -> None:
@@ -51,7 +51,7 @@ def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter
     for name, table in zip(names, found, strict=True):
         curves = subject.curves(name)
         used = np.flatnonzero(curves.used)
-        rows = used[thin_rows(len(used), MOST // 2)]
+        rows = used[thin_rows(len(used), MAX_POINTS // 2)]
         if not len(rows):
             continue
         time, value, std = (
@@ -78,7 +78,7 @@ def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter
 
 
 def _shared_legends(axes: Sequence[Any]) -> None:
-    """A legend only where the curves are others than in the panel before."""
+    """Draw a legend if the curves are others than in the panel before."""
     before: list[str] = []
     for axis in axes:
         labels = axis.get_legend_handles_labels()[1]

@@ -1,4 +1,4 @@
-"""The numbers behind every picture of a run: what was measured, and what each track makes of it [SI]."""
+"""The numbers behind every picture of a run: the readings, and the estimates of each track [SI]."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from palpate import Floats
 
 from palpate_report.run_contents import RunContents
 
-_WARM = 1.0  # [s] from its first estimate in which a filter finds its feet
-_SWEPT = 2e-3  # [m] from which on the places of a run make a map
-_LOOK = 0.5  # [s] over which it is decided whether the tip moves
-_SLOW = 5e-4  # [m/s]; below it stands
-_LINE = 0.1  # of the length of a way, below which its width makes it a line
+# Choices.
+_WARM_UP = 1.0  # [s] from the first estimate, in which a filter is not judged
+_WARM_UP_SHARE = 0.1  # of a short record, likewise
+_MIN_MAP_EXTENT = 2e-3  # [m] of the places of a run, from which on they make a map
+_MOTION_SPAN = 0.5  # [s] over which the speed of the tip is taken
+_MIN_SPEED = 5e-4  # [m/s] of a tip that moves
+_MAX_WIDTH_SHARE, _MAX_WIDTH = 0.1, 1e-4  # of the length of a way, and [m]: the width of one that counts as a line
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,11 @@ class Curves:
 
     @property
     def settled(self) -> NDArray[np.bool_]:
-        """What is used, without the first second of estimates, or the first tenth of fewer than ten seconds."""
+        """True (n,) where used, without the first second of estimates, or the first tenth of fewer than ten seconds."""
         if not self.used.any():
             return self.used
         begin, end = self.time[self.used][[0, -1]].tolist()
-        return np.asarray(self.used & (self.time >= begin + min(_WARM, 0.1 * (end - begin))))
+        return np.asarray(self.used & (self.time >= begin + min(_WARM_UP, _WARM_UP_SHARE * (end - begin))))
 
 
 def curves_of(record: RunContents, name: str) -> Curves:
@@ -76,34 +78,34 @@ def curves_of(record: RunContents, name: str) -> Curves:
 
 
 def along(place: Floats) -> Floats | None:
-    """Coordinate (n,) [m] along the line on which places (n, 2) lie, from its middle; None where they make an area."""
-    known = np.isfinite(place).all(axis=1)
-    if known.sum() < 2:
+    """Return the coordinate (n,) [m] along the line of places (n, 2), from its middle; None where they make an area."""
+    is_finite = np.isfinite(place).all(axis=1)
+    if is_finite.sum() < 2:
         return None
-    middle = 0.5 * (np.min(place[known], axis=0) + np.max(place[known], axis=0))
-    _, _, axes = np.linalg.svd(place[known] - middle, full_matrices=False)
-    turned = (place - middle) @ axes.T
-    length, width = np.ptp(turned[known], axis=0)
+    # Principal axes of the places, the first of them along the larger of x and y.
+    middle = 0.5 * (np.min(place[is_finite], axis=0) + np.max(place[is_finite], axis=0))
+    _, _, axes = np.linalg.svd(place[is_finite] - middle, full_matrices=False)
+    coordinates = (place - middle) @ axes.T
+    length, width = np.ptp(coordinates[is_finite], axis=0)
     direction = 1.0 if axes[0][np.argmax(np.abs(axes[0]))] > 0 else -1.0
-    return np.asarray(direction * turned[:, 0]) if width <= max(_LINE * length, 1e-4) else None
+    return np.asarray(direction * coordinates[:, 0]) if width <= max(_MAX_WIDTH_SHARE * length, _MAX_WIDTH) else None
 
 
 def swept(place: Floats) -> bool:
     """Return True if the places (n, 2) [m] of a run are far enough apart for a map."""
-    known = place[np.isfinite(place).all(axis=1)]
-    return bool(len(known) and np.ptp(known, axis=0).max() > _SWEPT)
+    finite_places = place[np.isfinite(place).all(axis=1)]
+    return bool(len(finite_places) and np.ptp(finite_places, axis=0).max() > _MIN_MAP_EXTENT)
 
 
 def moving_samples(time: Floats, place: Floats) -> NDArray[np.bool_]:
-    """(n,) Whether the tip is on its way at coordinates (n,) [m] along a line: it moves over half a second."""
-    apart = np.abs(np.interp(time + _LOOK / 2, time, place) - np.interp(time - _LOOK / 2, time, place))
-    return np.asarray(apart > _SLOW * _LOOK)
+    """Return True (n,) where the tip moves over half a second, by its coordinates (n,) [m] along a line."""
+    half = _MOTION_SPAN / 2
+    distance = np.abs(np.interp(time + half, time, place) - np.interp(time - half, time, place))
+    return np.asarray(distance > _MIN_SPEED * _MOTION_SPAN)
 
 
-def thin_rows(count: int, most: int) -> NDArray[np.intp]:
-    """At most `most` rows of `count`, evenly spread, with the first and the last."""
-    return (
-        np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
-        if count
-        else np.zeros(0, np.intp)
-    )
+def thin_rows(count: int, max_rows: int) -> NDArray[np.intp]:
+    """Return at most so many rows of `count`, evenly spread, with the first and the last."""
+    if not count:
+        return np.zeros(0, np.intp)
+    return np.unique(np.linspace(0, count - 1, min(count, max_rows)).round().astype(np.intp))

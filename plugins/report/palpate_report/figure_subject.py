@@ -1,4 +1,4 @@
-"""What a picture shows: a run with its tracks, and the figure with the numbers that it is drawn from."""
+"""The subject of a picture, a run with its tracks; and the figure with the numbers behind it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from palpate_kit.figures import WIDTHS, figure_of
 from palpate_report.figure_data import Curves, curves_of
 from palpate_report.run_contents import RunContents
 
-MOST = 800  # points of a curve
-TRACKS = 7  # of one panel: as many as the style has colours
-_NARROW = 100.0  # [mm] of a picture whose panels stand one above the other
+MAX_POINTS = 800  # of a curve: a choice; more do not show in print
+MAX_TRACKS = 7  # of one panel: as many as the style has colours
+_MAX_NARROW_WIDTH = 100.0  # [mm] of a picture whose panels stand one above the other: a choice
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is drawn: a run, the track that is shown where there is room for one, and all that are worth it."""
+    """A run with the tracks that are drawn, and the one that is drawn where there is room for one."""
 
     record: RunContents
     main: str | None
@@ -45,7 +45,7 @@ class Subject:
 
 def beside(subject: Subject, panels: int) -> int:
     """Return how many panels there is room for side by side."""
-    return min(panels, 2 if subject.width > _NARROW else 1)
+    return min(panels, 2 if subject.width > _MAX_NARROW_WIDTH else 1)
 
 
 def pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:

@@ -1,4 +1,4 @@
-"""What is known of how the curves of a folder were measured and fitted: for its report and its methods."""
+"""The facts of a folder of fits, for its report and its methods: measurement, settings and fits of its curves."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FolderFacts:
 
     @cached_property
     def exclusions(self) -> dict[str, int]:
-        """Why curves are not used, with how many, the most first."""
+        """Reasons of excluded curves with their numbers, the most frequent first."""
         return dict(Counter(exclusion_of(row) for row in self.rows if not row.usable).most_common())
 
     @cached_property
@@ -71,7 +71,7 @@ class FolderFacts:
 
     @cached_property
     def instrument(self) -> str | None:
-        """What the file of facts in the folder states; raises LogError."""
+        """Instrument in the file of facts of the folder; None without one; raises LogError."""
         return self.folder.facts.instrument
 
     @property

@@ -1,4 +1,4 @@
-"""What the report of a folder of fits adds to its numbers: how they were made, drawn curves, a typical budget."""
+"""The section on a folder of fits in its report: methods, drawn curves, a typical budget."""
 
 from __future__ import annotations
 

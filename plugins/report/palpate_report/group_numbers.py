@@ -17,12 +17,12 @@ from palpate_kit.terminal.result_table import ResultFinding
 from palpate_report.anonymous import Anonymous
 from palpate_report.run_verdict import RunVerdict
 
-APART = 2e-3  # [m] between the places of runs, from which on they are sites
+MIN_SITE_DISTANCE = 2e-3  # [m] between the places of runs, from which on they are sites: a choice
 
 
 @dataclass(frozen=True)
 class GroupRun:
-    """One run of a comparison: what is compared of it, so that a hundred thousand of them can be held."""
+    """One run of a comparison, with the numbers alone, so that memory holds a hundred thousand of them."""
 
     name: str
     group: str
@@ -43,20 +43,21 @@ def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | 
 
 
 def common_of(runs: Sequence[GroupRun], group: str, track: str, parameter: str) -> np.ndarray:
-    """What the usable runs of a group state for what they have in common (m,) [SI]."""
-    found = [number_of(run, track, parameter) for run in runs if group == run.group]
-    return np.array([table["systematic"] for table in found if table and table.get("systematic") is not None])
+    """Return the uncertainties (m,) [SI] that the usable runs of a group have in common."""
+    values = [number_of(run, track, parameter) for run in runs if group == run.group]
+    return np.array([value["systematic"] for value in values if value and value.get("systematic") is not None])
 
 
 def numbers_of(
     runs: Sequence[GroupRun], group: str | None, track: str, parameter: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values and combined uncertainties of the usable runs of a group [SI], in the natural order of their names."""
+    """Return values and combined uncertainties of the usable runs of a group [SI], in the natural order of names."""
     ordered = sorted(runs, key=lambda run: natural(run.name))
-    found = [number_of(run, track, parameter) for run in ordered if group in (None, run.group)]
-    pairs = [
-        (table["value"], math.nan if table.get("combined") is None else table["combined"]) for table in found if table
-    ]
+    pairs = []
+    for run in ordered:
+        number = number_of(run, track, parameter) if group in (None, run.group) else None
+        if number:
+            pairs.append((number["value"], math.nan if number.get("combined") is None else number["combined"]))
     values = np.array(pairs).reshape(len(pairs), 2)
     return values[:, 0], values[:, 1]
 
@@ -64,20 +65,19 @@ def numbers_of(
 def compare_runs(
     runs: Sequence[GroupRun], groups: Sequence[str], track: str, parameter: str, unit: str | None = None
 ) -> GroupComparison:
-    """Groups of runs or curves, of those that have values, compared by a parameter [SI].
+    """Return the comparison of groups of runs or curves with values, by a parameter [SI].
 
     Raises ConfigurationError for an unknown unit of replication.
     """
     by_group = {group: [run for run in runs if run.group == group] for group in groups}
-    chosen = RUN
+    replication = RUN
     if any(run.cells is not None for run in runs):
-        chosen = replication_unit({group: [run.cells or {} for run in by_group[group]] for group in groups}, unit)
-    values = {
-        group: [
-            (str(i) if run.cells is None else unit_of(run.name, run.cells, chosen), float(found["value"]))
-            for i, run in enumerate(by_group[group])
-            if (found := number_of(run, track, parameter)) is not None
-        ]
-        for group in groups
-    }
-    return compare_groups({group: found for group, found in values.items() if found}, chosen)
+        replication = replication_unit({group: [run.cells or {} for run in by_group[group]] for group in groups}, unit)
+    values: dict[str, list[tuple[str, float]]] = {}
+    for group in groups:
+        for i, run in enumerate(by_group[group]):
+            number = number_of(run, track, parameter)
+            if number is not None:
+                member = str(i) if run.cells is None else unit_of(run.name, run.cells, replication)
+                values.setdefault(group, []).append((member, float(number["value"])))
+    return compare_groups(values, replication)

@@ -19,9 +19,9 @@ from palpate_kit.numerics.group_comparison import GroupComparison
 
 from palpate_report.number_texts import readable
 
-_DRAWN = 2000  # points that are drawn one by one; more of them are a picture of dots
-_HALF = 0.3  # of a group's width, the distance of groups being 1
-_LETTER = 1.5  # [mm]
+_MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
+_HALF_WIDTH = 0.3  # of a group, the distance of groups being 1: a choice
+_LETTER_WIDTH = 1.5  # [mm] of a label, in the style's font
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class GroupsFigure:
 def folder_comparison(
     path: Path, by: str | None, parameter: str, unit: str | None, where: str | None, track: str | None
 ) -> GroupComparison:
-    """Groups of the curves of a folder of fits, compared; raises UserError for anything else."""
+    """Return the comparison of groups of a folder of fits; raises UserError for anything else."""
     folder = FitFolder(path)
     known = {"--by": folder.columns, "--track": folder.tracks, "--parameter": folder.values}
     for option, name in (("--by", by), ("--track", track), ("--parameter", parameter)):
@@ -62,19 +62,19 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
     most = max(group.units for group in comparison.groups)
     size = 4.5 if most <= 12 else 3.0 if most <= 60 else 1.6
     for place, group in enumerate(comparison.groups):
-        sides = (place - _HALF, place + _HALF)
+        sides = (place - _HALF_WIDTH, place + _HALF_WIDTH)
         low, high = (factor * end for end in group.interval)
         if np.isfinite(low):
             axis.fill_between(sides, low, high, color="0.82", linewidth=0)
         axis.hlines(factor * group.mean, *sides, color="black", linewidth=1.2)
-        apart = np.linspace(-0.8, 0.8, group.units) * _HALF if group.units > 1 else np.zeros(1)
+        apart = np.linspace(-0.8, 0.8, group.units) * _HALF_WIDTH if group.units > 1 else np.zeros(1)
         axis.plot(
             place + apart, factor * group.means, "o", markersize=size, markerfacecolor="0.35", markeredgecolor="white",
-            markeredgewidth=0.4, linestyle="none", rasterized=group.units > _DRAWN,
+            markeredgewidth=0.4, linestyle="none", rasterized=group.units > _MAX_VECTOR_POINTS,
         )  # fmt: skip
     labels = [f"{group.name}\nn = {group.units}" for group in comparison.groups]
     room = 0.85 * width / len(labels)
-    turned = _LETTER * max(len(line) for label in labels for line in label.splitlines()) > room
+    turned = _LETTER_WIDTH * max(len(line) for label in labels for line in label.splitlines()) > room
     axis.set_xticks(range(len(labels)), labels, **({"rotation": 90} if turned else {}))
     axis.grid(visible=False, axis="x")
     axis.set(xlim=(-0.6, len(labels) - 0.4), ylabel=f"{words} [{word}]" if word else words)

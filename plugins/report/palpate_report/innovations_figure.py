@@ -10,7 +10,7 @@ from palpate_engine import RESULT
 from palpate_kit.figures import legend_outside, quartiles
 from palpate_kit.runs.result_file import open_table
 
-from palpate_report.figure_subject import TRACKS, ReportFigure, Subject, pair
+from palpate_report.figure_subject import MAX_TRACKS, ReportFigure, Subject, pair
 
 _QUARTILE = 0.6745  # standard deviations, within which half of a normal distribution lies
 
@@ -37,7 +37,7 @@ def innovations(subject: Subject) -> ReportFigure | None:
     for level in (-_QUARTILE, 0.0, _QUARTILE):
         left.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
     left.set(xlabel="time [s]", ylabel="innovation / its std")
-    for name, (lags, shares, _) in list(white.items())[:TRACKS]:
+    for name, (lags, shares, _) in list(white.items())[:MAX_TRACKS]:
         axes[1].plot(1e3 * lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
         data |= {f"{name}:lag_s": lags, f"{name}:autocorrelation": shares}
     if white:

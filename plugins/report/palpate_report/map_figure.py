@@ -12,7 +12,7 @@ from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
 from palpate_report.figure_data import Curves, along, moving_samples, swept, thin_rows
-from palpate_report.figure_subject import MOST, TRACKS, ReportFigure, Subject
+from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, Subject
 from palpate_report.run_map import grid_of, surface_map_of
 
 
@@ -36,14 +36,14 @@ def draw_map(subject: Subject) -> ReportFigure | None:
 def _line(subject: Subject, parameter: str, label: str, factor: float) -> ReportFigure:
     figure, axes = figure_of(width=subject.width, height=60.0)
     axis, settled, data = axes[0, 0], [], dict[str, Floats]()
-    for name in [name for name in subject.tracks if parameter in subject.record.tracks[name][1].values][:TRACKS]:
+    for name in [name for name in subject.tracks if parameter in subject.record.tracks[name][1].values][:MAX_TRACKS]:
         curves = subject.curves(name)
         coordinate = along(curves.place)
         if coordinate is None:
             continue
         rows = np.flatnonzero(curves.settled & np.isfinite(coordinate))
         rows = rows[moving_samples(curves.time[rows], coordinate[rows])]
-        rows = rows[thin_rows(len(rows), MOST // 2)]
+        rows = rows[thin_rows(len(rows), MAX_POINTS // 2)]
         at, value, std = (
             1e3 * coordinate[rows],
             factor * curves.values[parameter][rows],

@@ -1,4 +1,4 @@
-"""The methods section of a folder of fits: how its curves were measured, fitted, judged and compared."""
+"""The methods section of a folder of fits: measurement, fit, judgement and comparison of its curves."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ _SOURCES = {
     "thickness": "the spread between the laws of a layer",
     "beam": "that of the stiffness of the beam",
 }
-_NEGLIGIBLE = 0.05  # of a combined uncertainty
-_SMALL = 0.001  # p-value below which only that is said
+_MIN_SHARE = 0.05  # of a combined uncertainty, that a source is named from: a choice
+_MIN_SHOWN_P = 0.001  # p-value below which only that is said: the custom of journals
 
 
 def methods_text(facts: FolderFacts, by: str | None = None, unit: str | None = None) -> CitedText:
@@ -238,7 +238,7 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
 
 
 def _verdicts(facts: FolderFacts) -> Iterator[str]:
-    """How many curves have which verdict of each value that is not good in all, and what was found in how many."""
+    """Yield sentences on the verdicts of each value that is not good in all curves, and on shared findings."""
     table = facts.table
     for name in table.names:
         words = Counter(value.word for row in table.rows if (value := row.values.get(name)) is not None and value.word)
@@ -283,7 +283,7 @@ def _percent(share: float) -> str:
 
 
 def _sources(facts: FolderFacts) -> list[str]:
-    """What the budget of a typical curve names, but for what moves no value; nothing where it cannot be fitted here."""
+    """Return the sources in the budget of a typical curve that move a value; none where it cannot be fitted here."""
     row = facts.typical(facts.values[0])
     try:
         outcome = outcome_of(facts.folder, row.curve) if row is not None else None
@@ -291,16 +291,12 @@ def _sources(facts: FolderFacts) -> list[str]:
         return []
     if outcome is None or row is None:
         return []
-    found = outcome.result.tracks[row.track]
-    moving = [
-        one.source.removesuffix(" (not declared)")
-        for one in found.budget
-        if any(
-            (effect.contribution or 0.0) > _NEGLIGIBLE * value.combined
-            for name, effect in one.effects.items()
-            if (value := found.parameters.get(name)) is not None
-        )
-    ]
+    track = outcome.result.tracks[row.track]
+    moving: list[str] = []
+    for entry in track.budget:
+        values = [(effect, track.parameters.get(name)) for name, effect in entry.effects.items()]
+        if any(value and (effect.contribution or 0.0) > _MIN_SHARE * value.combined for effect, value in values):
+            moving.append(entry.source.removesuffix(" (not declared)"))
     return [_SOURCES.get(source, f"that of {source.replace('-', ' ')}") for source in moving]
 
 
@@ -349,7 +345,7 @@ def _results(facts: FolderFacts, comparisons: Mapping[str, GroupComparison], by:
 
 
 def _p(p: float) -> str:
-    return f"p < {_SMALL}" if p < _SMALL else f"p = {p:.2g}"
+    return f"p < {_MIN_SHOWN_P}" if p < _MIN_SHOWN_P else f"p = {p:.2g}"
 
 
 def _article(word: str) -> str:

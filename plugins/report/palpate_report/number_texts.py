@@ -41,11 +41,11 @@ def range_of(found: Mapping[str, Any]) -> str:
     return table_value("", found, "").text if found.get("places") else value_of(found)
 
 
-def parts_of(found: Mapping[str, Any]) -> str:
-    """What the combined uncertainty is made of, in short."""
+def parts_of(value: Mapping[str, Any]) -> str:
+    """Return the parts of the combined uncertainty, in short."""
     names = {"std": "estimator", "settling": "settling", "systematic": "systematic"}
-    known = [f"{word} {number_text(found[key], found['unit'])}" for key, word in names.items() if found.get(key)]
-    return ", ".join(known)
+    present = [(key, name) for key, name in names.items() if value.get(key)]
+    return ", ".join(f"{name} {number_text(value[key], value['unit'])}" for key, name in present)
 
 
 def readable(name: str) -> str:
@@ -58,7 +58,7 @@ def readable(name: str) -> str:
 
 
 def plain(value: Any) -> str:
-    """Any plain value of the result in one cell."""
+    """Return any plain value of the result as the text of a cell."""
     if value is None:
         return "–"
     if isinstance(value, bool):

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from palpate import ConfigurationError, OutputError
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
-_PATIENCE = 120.0  # [s]
+_TIMEOUT = 120.0  # [s] of a browser that prints: a choice
 
 
 def print_pdf(page: Path, target: Path) -> None:
@@ -36,7 +36,7 @@ def print_pdf(page: Path, target: Path) -> None:
         command += ["--no-sandbox"] if os.geteuid() == 0 else []
         try:
             done = subprocess.run(
-                [*command, page.resolve().as_uri()], capture_output=True, timeout=_PATIENCE, check=False, text=True
+                [*command, page.resolve().as_uri()], capture_output=True, timeout=_TIMEOUT, check=False, text=True
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise OutputError(f"{target}: {browser} cannot print: {error}") from error

@@ -14,7 +14,7 @@ SIMULATED = "simulated: a rehearsal, of no real specimen"
 
 @dataclass(frozen=True)
 class ResultBox:
-    """What a page says first."""
+    """The first statement of a page."""
 
     colour: str
     headlines: tuple[str, ...]

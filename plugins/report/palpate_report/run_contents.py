@@ -61,7 +61,7 @@ class RunContents:
 
     @property
     def why_not(self) -> str | None:
-        """Why a run has no result; None if it has one."""
+        """Reason why a run has no result; None if it has one."""
         return None if self._finished else _WHY_NOT[(self.path / "result.json").exists()]
 
     @cached_property

@@ -11,11 +11,11 @@ from palpate_kit.figures import figure_of, label_forces, legend_outside, quartil
 from palpate_report.estimates_figure import estimates
 from palpate_report.exclusion import exclusion
 from palpate_report.figure_data import Curves, swept, thin_rows
-from palpate_report.figure_subject import MOST, ReportFigure, Subject, pair
+from palpate_report.figure_subject import MAX_POINTS, ReportFigure, Subject, pair
 from palpate_report.innovations_figure import innovations
 from palpate_report.map_figure import draw_map
 
-_CLOSE = 4.0  # [s] of a long record that are drawn of the force over time
+_CLOSE_UP = 4.0  # [s] of a long record whose force over time is drawn: a choice
 _GREY = "0.6"
 
 
@@ -28,7 +28,7 @@ def force_depth(subject: Subject) -> ReportFigure | None:
     if len(rows) < 2:
         return None
     rows = rows[curves.time[rows] >= curves.time[rows][-1] - _long(curves)]
-    rows = rows[thin_rows(len(rows), MOST)]
+    rows = rows[thin_rows(len(rows), MAX_POINTS)]
     depth, force, model = 1e3 * curves.depth[rows], curves.force[rows], curves.model[rows]
     figure, axes = figure_of(width=subject.width, height=65.0)
     axis = axes[0, 0]
@@ -45,7 +45,7 @@ def force_depth(subject: Subject) -> ReportFigure | None:
 def _long(curves: Curves) -> float:
     """Return how much of the end is drawn [s]: everything of a point, the last seconds of a sweep, whose material
     changes."""
-    return _CLOSE if swept(curves.place) else np.inf
+    return _CLOSE_UP if swept(curves.place) else np.inf
 
 
 def over_time(subject: Subject) -> ReportFigure | None:
@@ -56,11 +56,11 @@ def over_time(subject: Subject) -> ReportFigure | None:
     rows = np.flatnonzero(np.isfinite(main.force))
     if len(rows) < 2:
         return None
-    long = float(np.ptp(main.time[rows])) > 10 * _CLOSE
+    long = float(np.ptp(main.time[rows])) > 10 * _CLOSE_UP
     if long:
         end = float(main.time[np.flatnonzero(main.used)[-1]]) if main.used.any() else float(main.time[rows][-1])
-        rows = rows[(main.time[rows] <= end) & (main.time[rows] >= end - _CLOSE)]
-    rows = rows[thin_rows(len(rows), MOST)]
+        rows = rows[(main.time[rows] <= end) & (main.time[rows] >= end - _CLOSE_UP)]
+    rows = rows[thin_rows(len(rows), MAX_POINTS)]
     figure, axes = figure_of(width=subject.width, height=50.0)
     axis = axes[0, 0]
     axis.plot(main.time[rows], main.force[rows], ".", markersize=1.5, color=_GREY, label="measured")
@@ -77,7 +77,7 @@ def over_time(subject: Subject) -> ReportFigure | None:
     axis.set(xlabel="time [s]", ylabel="contact force [N]")
     axis.set_ylim(_around(main.force[rows]))
     legend_outside(axis, 4)
-    caption = f"Contact force over time{f', the last {_CLOSE:g} s of contact' if long else ''}"
+    caption = f"Contact force over time{f', the last {_CLOSE_UP:g} s of contact' if long else ''}"
     return ReportFigure(figure, caption, data)
 
 

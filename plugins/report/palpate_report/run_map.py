@@ -14,7 +14,7 @@ from palpate_kit.runs.surface_map_file import SurfaceMap, read_surface_map
 from palpate_report.figure_data import Curves
 from palpate_report.run_contents import RunContents
 
-_CELLS = 60  # of the longer side
+_MAX_CELLS = 60  # of the longer side of a map: a choice
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _visited(curves: Curves, parameter: str) -> Grid:
     rows = np.flatnonzero(curves.settled & np.isfinite(curves.place).all(axis=1))
     place, values = curves.place[rows], curves.values[parameter][rows]
     low, high = place.min(axis=0), place.max(axis=0)
-    cell = float((high - low).max()) / _CELLS
+    cell = float((high - low).max()) / _MAX_CELLS
     columns, lines = (np.floor((place - low) / cell + 0.5).astype(int)).T
     value = np.full((lines.max() + 1, columns.max() + 1), np.nan)
     value[lines, columns] = values  # in the order of time: the latest stays

@@ -38,17 +38,18 @@ _FACTS = {  # of `run` in the result: what they are called, and their unit
     "command": ("command", ""),
     "host": ("host", ""),
 }
-_LARGEST = 300_000  # characters of a pipeline that are shown
+_MAX_CHARACTERS = 300_000  # of a pipeline on the page: a choice
 
 
 def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = None) -> Subject:
-    """What is drawn of a run: the track chosen, or the best one, then the others from the best to the worst.
+    """Return the subject of a run's pictures: the track chosen, or the best one, then the others by their level.
 
     Tracks that must not be used are drawn only if no others exist.
     """
-    ranked = [found.track for level in verdict.levels for found in verdict.of(level)]
-    known = [name for name in ranked if name in record.tracks] or list(record.tracks)
-    usable = [name for name in known if name not in {found.track for found in verdict.of(LEVELS[2])}] or known
+    ranked = [track_verdict.track for level in verdict.levels for track_verdict in verdict.of(level)]
+    names = [name for name in ranked if name in record.tracks] or list(record.tracks)
+    invalid = {track_verdict.track for track_verdict in verdict.of(LEVELS[2])}
+    usable = [name for name in names if name not in invalid] or names
     main = track or (verdict.main if verdict.main in usable else next(iter(usable), None))
     if main not in record.tracks:
         main = next(iter(usable), None)
@@ -146,7 +147,7 @@ def render(template: str, **content: Any) -> str:
 
 
 def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Sources of a track's uncertainty with what each contributes, and its share of the combined variance [%]."""
+    """Return the sources of a track's uncertainty, with contribution and share of the combined variance [%]."""
     rows = []
     extra: dict[str, dict[str, Any]] = {}
     for name, found in table["parameters"].items():
@@ -175,7 +176,7 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, str, str]]:
-    """Name, value and notes of everything that the main track gives; along a path the range."""
+    """Return name, value and notes of all values of the main track; along a path the range."""
     table = document.get("tracks", {}).get(subject.main)
     if table is None or subject.main is None or table["verdict"] == "invalid":
         return []
@@ -196,13 +197,13 @@ def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:
-    """Flags that every track has: they are of the record."""
+    """Return the flags that every track has, which are those of the record."""
     every = [track["flags"] for track in document.get("tracks", {}).values()]
     return [flag for flag in every[0] if all(flag in flags for flags in every[1:])] if len(every) > 1 else []
 
 
 def _sections(record: RunContents, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
-    """What other plugins show of the run; one that fails is reported and does not keep the others from being shown."""
+    """Yield the sections of other plugins on the run; one that fails is reported in its place."""
     sections = registry.offers("palpate_report_sections", ReportSection)
     for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
@@ -249,7 +250,7 @@ def _last_rows(record: RunContents) -> list[dict[str, Any]]:
 
 
 def _calibration(document: Mapping[str, Any], record: RunContents) -> dict[str, Any]:
-    """What the alignment took for force and motion, and what of it is declared or calibrated."""
+    """Return the facts of the alignment: sources and delays of force and motion, mass, tare, first touch."""
     alignment = record.resolved.get("alignment", {})
     found: dict[str, Any] = {}
     for name in ("force", "position", "velocity"):
@@ -289,5 +290,5 @@ def _calibration(document: Mapping[str, Any], record: RunContents) -> dict[str, 
 def _shown(text: str | None, veil: Anonymous | None) -> str | None:
     if text is None:
         return None
-    text = text if len(text) <= _LARGEST else f"{text[:_LARGEST]}\n... cut: {len(text)} characters"
+    text = text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}\n... cut: {len(text)} characters"
     return veil.text(text) if veil else text

@@ -1,4 +1,4 @@
-"""The verdict: whether a run's numbers can be trusted, by which track, and why."""
+"""The verdict on a run: the level of each track with its reasons, and the track that is shown first."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from palpate_kit.runs.document_table import table_value
 
 from palpate_report.run_contents import RunContents
 
-_MISFIT = 1.5  # times the least residual of the run's tracks: what leaves more is not shown first
+_MAX_RESIDUAL_RATIO = 1.5  # to the least residual of the run's tracks, of the track that is shown first: a choice
 LEVELS = ("good", "doubtful", "invalid")  # from the best to the worst
 
 
 def levels_of(levels: Iterable[str]) -> list[str]:
-    """Those levels, each once, from the best to the worst; the words of what has no number before the last."""
+    """Return levels, each once, from the best to the worst; words without a number come before the last."""
     return sorted(set(levels), key=lambda level: (_rank(level), level))
 
 
@@ -27,7 +27,7 @@ def _rank(level: str) -> float:
 
 @dataclass(frozen=True)
 class TrackVerdict:
-    """What to do with one track, and the reasons."""
+    """The level of one track, and its reasons."""
 
     track: str
     level: str
@@ -36,7 +36,7 @@ class TrackVerdict:
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """What to do with a run: the best verdict of its tracks, and the verdict on every track."""
+    """The level of a run, which is the best of its tracks, and the verdict on every track."""
 
     level: str
     tracks: tuple[TrackVerdict, ...]
@@ -64,12 +64,12 @@ def judge(record: RunContents) -> RunVerdict:
     tracks = [_track(name, table) for name, table in tables.items()]
     if not tracks:
         return RunVerdict(LEVELS[2], (), ("The run has no track.",))
-    least = min((rms for table in tables.values() if (rms := table["force_rms"]) is not None), default=0.0)
+    least_rms = min((rms for table in tables.values() if (rms := table["force_rms"]) is not None), default=0.0)
     best = min(
         tracks,
         key=lambda track: (
             _rank(track.level),
-            (tables[track.track]["force_rms"] or math.inf) > _MISFIT * least,
+            (tables[track.track]["force_rms"] or math.inf) > _MAX_RESIDUAL_RATIO * least_rms,
             _width(tables[track.track]),
         ),
     )
@@ -84,12 +84,12 @@ def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
 
 
 def _width(table: Mapping[str, Any]) -> float:
-    """Mean relative combined uncertainty of a track's parameters: of equally good tracks the narrowest comes first."""
-    shares = [_relative_std(found) for found in table["parameters"].values()]
+    """Return the mean relative combined uncertainty of a track: of equally good tracks the smallest comes first."""
+    shares = [_relative_std(value) for value in table["parameters"].values()]
     return sum(shares) / len(shares) if shares else math.inf
 
 
-def _relative_std(found: Mapping[str, Any]) -> float:
+def _relative_std(value: Mapping[str, Any]) -> float:
     """Return the relative uncertainty of a value, along a path that of one place; infinite where it is not known."""
-    std = table_value("", found, "").of_one_place
-    return std / abs(found["value"]) if found["value"] and std > 0 else math.inf
+    std = table_value("", value, "").of_one_place
+    return std / abs(value["value"]) if value["value"] and std > 0 else math.inf

@@ -22,7 +22,7 @@ new SkinView(document.getElementById("skin")).show(skin, skin);
 
 @dataclass(frozen=True)
 class SkinView:
-    """What the page has for it."""
+    """Return the content of the page for the view."""
 
     data: str  # JSON
     code: str  # JavaScript

@@ -19,10 +19,11 @@ from palpate_kit.figures import WIDTHS, figure_of, style
 from palpate_report.figure_data import thin_rows
 from palpate_report.folder_facts import FolderFacts, exclusion_of
 
-_ACROSS = 3  # panels side by side
-_EXCLUDED = 6  # curves that are not used, of which each reason has one first
-_POINTS = 1500  # of a curve
-_LETTERS = 34  # of a title
+# Choices.
+_COLUMNS = 3  # panels side by side
+_MAX_EXCLUDED = 6  # curves that are not used, of which each reason has one first
+_MAX_POINTS = 1500  # of a curve
+_MAX_LETTERS = 34  # of a title
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,11 @@ def excluded_rows(facts: FolderFacts) -> list[CurveRow]:
     left = [row for row in facts.rows if not row.usable]
     first = {exclusion_of(row): row for row in reversed(left)}
     every = [row for row in left if first[exclusion_of(row)] is row]
-    return [*every, *(row for row in left if row not in every)][:_EXCLUDED]
+    return [*every, *(row for row in left if row not in every)][:_MAX_EXCLUDED]
 
 
 def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
-    """What the fit of a curve finds, made again from its file; raises PalpateError."""
+    """Return the outcome of the fit of a curve, made again from its file; raises PalpateError."""
     reader, own = curve_reader(folder, folder.dialect_of(curve)), folder.settings_of(curve)
     return curve_outcome(record_tracks(reader, own), reader.device, folder.curve(curve))
 
@@ -77,12 +78,12 @@ def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
     surface = found.surface.value if found.usable and np.isfinite(found.surface.value) else np.nanmax(samples.position)
     # What a fit takes for offset and drift is not a force of the contact.
     bias = found.report.table().get("bias", 0.0) if found.report is not None else 0.0
-    kept = thin_rows(len(samples), _POINTS)
+    kept = thin_rows(len(samples), _MAX_POINTS)
     return CurveDrawing(title, (surface - samples.position)[kept], (samples.force - bias)[kept], model[kept])
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= _LETTERS else f"...{name[3 - _LETTERS :]}"
+    return name if len(name) <= _MAX_LETTERS else f"...{name[3 - _MAX_LETTERS :]}"
 
 
 @style()
@@ -105,9 +106,9 @@ def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
 @style()
 def excluded_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
     """Force over depth of curves that are not used."""
-    columns = min(_ACROSS, len(drawings))
+    columns = min(_COLUMNS, len(drawings))
     rows = -(-len(drawings) // columns)
-    figure, axes = figure_of(columns, rows, width=WIDTHS["double"] * columns / _ACROSS, height=48.0)
+    figure, axes = figure_of(columns, rows, width=WIDTHS["double"] * columns / _COLUMNS, height=48.0)
     for axis, curve in zip(axes.ravel(), drawings, strict=False):
         _draw_force(axis, curve)
         axis.set(xlabel="depth [mm]")

@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from palpate import Diagnosed, Floats, TrackEvidence
 
-LAGS = 50
-_FEWEST = 100
+LAGS = 50  # samples of the autocorrelation: a choice
+_MIN_INNOVATIONS = 100  # for an autocorrelation: a choice; 0.1 is then one standard deviation
 
 
 def innovations(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Autocorrelation of each track's innovations at lags 1 to 50 over the later half of the record.
+    """Return the autocorrelation of each track's innovations at lags 1 to 50 over the later half of the record.
 
     Before, an estimate may still be on its way to rest. No flags: the core raises them itself.
 
     Innovations of a right model with the right noise are white: beyond 2/sqrt(n) one in twenty lags lies by chance
     (Mehra 1970).
     """
-    found = {}
+    findings = {}
     for track in tracks:
         kept = track.kept
         if not kept.used.any():
@@ -27,26 +27,26 @@ def innovations(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         begin, end = kept.time[kept.used][[0, -1]].tolist()
         later = kept.used & (kept.time >= 0.5 * (begin + end))
         shares, count = autocorrelation(kept.index, np.where(later, kept.innovation, np.nan))
-        if count >= _FEWEST:
+        if count >= _MIN_INNOVATIONS:
             step = float(np.median(np.diff(kept.time)))
             table = {"autocorrelation": [round(share, 5) for share in shares], "samples": count, "interval": step}
-            found[track.name] = Diagnosed(table=table)
-    return found
+            findings[track.name] = Diagnosed(table=table)
+    return findings
 
 
 def autocorrelation(index: np.ndarray, values: Floats) -> tuple[list[float], int]:
-    """Autocorrelation at lags 1 to 50 of values (n,) with gaps, and how many there are; index (n,) counts the samples.
+    """Return the autocorrelation at lags 1 to 50 of values (n,) with gaps, and their number; index (n,) counts samples.
 
     Pairs over a gap, or with a value that is not known, do not count.
     """
     runs = np.split(values, np.flatnonzero(np.diff(index) != 1) + 1)
     values = np.concatenate([part for run in runs for part in (run, np.full(LAGS, np.nan))])
-    known = np.isfinite(values).astype(float)
-    values = np.where(known > 0, values, 0.0)
-    count, square = int(known.sum()), float(values @ values)
+    is_finite = np.isfinite(values).astype(float)
+    values = np.where(is_finite > 0, values, 0.0)
+    count, square = int(is_finite.sum()), float(values @ values)
     shares = []
     for lag in range(1, LAGS + 1):
-        pairs = float(known[lag:] @ known[:-lag])
+        pairs = float(is_finite[lag:] @ is_finite[:-lag])
         mean = float(values[lag:] @ values[:-lag]) / pairs if pairs else 0.0
         shares.append(mean / (square / count) if square > 0 else 0.0)
     return shares, count
