@@ -22,14 +22,14 @@ new SkinView(document.getElementById("skin")).show(skin, skin);
 
 @dataclass(frozen=True)
 class SkinView:
-    """Return the content of the page for the view."""
+    """Data and script of the view, for the page."""
 
     data: str  # JSON
     code: str  # JavaScript
 
     @property
     def hash(self) -> str:
-        """By which the page lets this script run, and no other."""
+        """Digest by which the page permits this script alone."""
         return "sha256-" + base64.b64encode(hashlib.sha256(self.code.encode()).digest()).decode()
 
 
