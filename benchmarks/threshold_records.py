@@ -56,7 +56,7 @@ def _fits(folder: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
     """Yield the fit of each record, by its name."""
     for case in _verdict_cases():
         name = " ".join(str(case[key]) for key in ("row", "kind", "rig", "sigma", "stated") if key in case)
-        yield name, partial(verdicts.measured, case, SEED, folder)
+        yield name, partial(verdicts.measured, case, SEED, Path(tempfile.mkdtemp(dir=folder)))
     for kind in KINDS:
         if kind.name in LABORATORY:
             yield f"laboratory {kind.name}", partial(mistakes.measured, kind, 0)

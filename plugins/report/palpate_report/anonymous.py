@@ -35,8 +35,8 @@ def without_paths(text: str, hosts: tuple[str, ...] = (), roots: tuple[str, ...]
     """
     for root in sorted(roots, key=len, reverse=True):
         text = text.replace(root, last_name(root))
-    text = _QUOTED.sub(lambda found: f"{found[1]}{last_name(found[2])}{found[1]}", text)
-    text = _FILE.sub(lambda found: found[1], _BARE.sub(lambda found: last_name(found[0]), text))
+    text = _QUOTED.sub(lambda match: f"{match[1]}{last_name(match[2])}{match[1]}", text)
+    text = _FILE.sub(lambda match: match[1], _BARE.sub(lambda match: last_name(match[0]), text))
     for host in hosts:
         if len(host) >= _MIN_LENGTH:
             text = re.sub(rf"(?<!\w){re.escape(host)}(?!\w)", "(host)", text)

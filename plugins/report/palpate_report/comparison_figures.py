@@ -24,7 +24,7 @@ def caption_of(parameter: str, noun: str = "run") -> str:
 @style()
 def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
     """Return a parameter of each run in its group's colour, with bars of two combined uncertainties."""
-    word, factor = display_unit(unit)
+    symbol, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
     axis = axes[0, 0]
     groups = list(dict.fromkeys(run.group for run in runs))
@@ -63,27 +63,27 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
     if truth is not None:
         axis.axhline(factor * truth, color="black", linestyle=":", linewidth=0.6, label="truth")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{word}]", xlim=(0.4, len(runs) + 0.6))
+    axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{symbol}]", xlim=(0.4, len(runs) + 0.6))
     legend_outside(axis, 4)
     return figure
 
 
 def _level(run: GroupRun, track: str) -> str | None:
-    return next((found.level for found in run.verdict.tracks if found.track == track), None)
+    return next((verdict.level for verdict in run.verdict.tracks if verdict.track == track), None)
 
 
 @style()
 def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
     """Return the places of the runs, coloured by value; None where they are one place."""
-    found = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
-    if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < MIN_SITE_DISTANCE:
+    sites = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
+    if len(sites) < 2 or np.ptp(np.array([place for place, _ in sites]), axis=0).max() < MIN_SITE_DISTANCE:
         return None
-    word, factor = display_unit(unit)
+    symbol, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
-    x, y = 1e3 * np.array([place for place, _ in found]).T
-    shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in found], s=40, edgecolors="black", linewidths=0.4)
-    shown.set_rasterized(len(found) > _MAX_VECTOR_POINTS)
-    figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{word}]")
+    x, y = 1e3 * np.array([place for place, _ in sites]).T
+    shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in sites], s=40, edgecolors="black", linewidths=0.4)
+    shown.set_rasterized(len(sites) > _MAX_VECTOR_POINTS)
+    figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{symbol}]")
     axes[0, 0].set(xlabel="x [mm]", ylabel="y [mm]")
     axes[0, 0].set_aspect("equal", adjustable="datalim")
     return figure

@@ -95,12 +95,12 @@ def _table(runs: Sequence[GroupRun], track: str, noun: str) -> ResultTable:
 
 
 def _result_row(run: GroupRun, track: str) -> ResultRow:
-    found = run.tracks.get(track)
-    if found is None:
+    table = run.tracks.get(track)
+    if table is None:
         return ResultRow(run.name, track, error="no result")
     values = {
-        name: table_value(name, value, found["verdict"])
-        for name, value in found["parameters"].items()
+        name: table_value(name, value, table["verdict"])
+        for name, value in table["parameters"].items()
     }  # fmt: skip
     return ResultRow(run.name, track, values, findings=run.findings)
 
@@ -123,41 +123,41 @@ def _run(group: str, path: Path, pipelines: dict[str, str], anonymous: bool) -> 
 def _compared(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers of a track that are compared."""
     numbers = {
-        name: {key: found[key] for key in _COMPARED if key in found} for name, found in table["parameters"].items()
+        name: {key: value[key] for key in _COMPARED if key in value} for name, value in table["parameters"].items()
     }
     return {"verdict": table["verdict"], "parameters": numbers}
 
 
 def _place(record: RunContents) -> tuple[float, float] | None:
     for _, track in RunContents(record.folder).tracks.values():  # read for this alone, and not kept in memory
-        known = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
-        if len(known) and np.ptp(known, axis=0).max() < MIN_SITE_DISTANCE:
-            x, y = np.median(known, axis=0).tolist()
+        places = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
+        if len(places) and np.ptp(places, axis=0).max() < MIN_SITE_DISTANCE:
+            x, y = np.median(places, axis=0).tolist()
             return x, y
     return None
 
 
 def _track_of(runs: Sequence[GroupRun], track: str | None) -> str:
     """Return the track that is compared: the one chosen, or the one that is the main one of most runs."""
-    known = list(dict.fromkeys(name for run in runs for name in run.tracks))
-    if track is not None and track not in known:
-        raise ConfigurationError(f"--track: no run has {track!r} (there are: {', '.join(known)})")
+    names = list(dict.fromkeys(name for run in runs for name in run.tracks))
+    if track is not None and track not in names:
+        raise ConfigurationError(f"--track: no run has {track!r} (there are: {', '.join(names)})")
     mains = [run.verdict.main for run in runs if run.verdict.main is not None]
-    return track or max(known, key=lambda name: (sum(name in run.tracks for run in runs), mains.count(name)))
+    return track or max(names, key=lambda name: (sum(name in run.tracks for run in runs), mains.count(name)))
 
 
 def _parameters(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
     tables = [run.tracks[track]["parameters"] for run in runs if track in run.tracks]
-    return {name: found["unit"] for table in tables for name, found in table.items()}
+    return {name: value["unit"] for table in tables for name, value in table.items()}
 
 
 def _statistics(
     runs: Sequence[GroupRun], comparison: GroupComparison, group: str, track: str, parameter: str, unit: str
 ) -> dict[str, Any]:
     values, combined = numbers_of(runs, group, track, parameter)
-    word, factor = display_unit(unit)
+    symbol, factor = display_unit(unit)
     of_group = sum(run.group == group for run in runs)
-    row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": word, "count": len(values), "of": of_group}
+    row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": symbol, "count": len(values), "of": of_group}
     if len(values) < 2:
         return row | {
             "units": "" if comparison.singles or not len(values) else f"1 ({comparison.unit})",
@@ -185,12 +185,12 @@ def _statistics(
 
 def _tests(comparison: GroupComparison, parameter: str, unit: str) -> list[dict[str, str]]:
     """Return the differences of groups that were tested, those of the smallest p-values."""
-    word, factor = display_unit(unit)
+    symbol, factor = display_unit(unit)
     return [
         {
             "parameter": parameter,
             "groups": f"{pair.first}, {pair.second}",
-            "difference": f"{factor * pair.difference:.4g} {word}",
+            "difference": f"{factor * pair.difference:.4g} {symbol}",
             "p": f"{pair.corrected:.2g}",
         }
         for pair in comparison.most_significant()
@@ -200,22 +200,24 @@ def _tests(comparison: GroupComparison, parameter: str, unit: str) -> list[dict[
 
 def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
     """Return sentences on the comparison of groups, and on its limits."""
-    found: list[str] = []
+    sentences: list[str] = []
     for name, comparison in comparisons.items():
-        most = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
-        words = [f"{comparison.sentence}{most}", comparison.untested if comparison.tests else ""]
-        found += [f"{readable(name)}: {text}" for text in words if text]
-    return found + list(dict.fromkeys(CAUTIONS[one.unit] for one in comparisons.values() if one.singles and one.tests))
+        limit_note = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
+        texts = [f"{comparison.sentence}{limit_note}", comparison.untested if comparison.tests else ""]
+        sentences += [f"{readable(name)}: {text}" for text in texts if text]
+    return sentences + list(
+        dict.fromkeys(CAUTIONS[one.unit] for one in comparisons.values() if one.singles and one.tests)
+    )
 
 
 def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:
     table = run.tracks.get(track)
     numbers = table["parameters"] if table is not None and table["verdict"] != "invalid" else {}
-    own = next((found for found in run.verdict.tracks if found.track == track), None)
+    verdict = next((candidate for candidate in run.verdict.tracks if candidate.track == track), None)
     return {
         "name": run.name,
         "group": run.group,
-        "reasons": own.reasons if own else (run.verdict.reasons or (f"it has no track {track}",)),
+        "reasons": verdict.reasons if verdict else (run.verdict.reasons or (f"it has no track {track}",)),
         "values": [numbers.get(name) for name in parameters],
         "place": run.place,
     }
@@ -223,15 +225,19 @@ def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, 
 
 def _pipelines(runs: Sequence[GroupRun]) -> dict[str, Any]:
     """Return the pipeline of the first run as run, and how those of the others differ from it."""
-    known = [(run, run.pipeline) for run in runs if run.pipeline]
-    if not known:
+    pipelines = [(run, run.pipeline) for run in runs if run.pipeline]
+    if not pipelines:
         return {}
-    (first, own), *others = known
+    (first, first_text), *others = pipelines
     texts: dict[str, list[str]] = {}
     for run, text in others:
         texts.setdefault(text, []).append(run.name)
     grouped: dict[str, list[str]] = {}
     for text, names in texts.items():
-        grouped.setdefault(differences(text, own, ()) if text != own else "", []).extend(names)
+        grouped.setdefault(differences(text, first_text, ()) if text != first_text else "", []).extend(names)
     hide = first.veil.text if first.veil else str
-    return {"name": first.name, "text": hide(own), "others": [(hide(what), names) for what, names in grouped.items()]}
+    return {
+        "name": first.name,
+        "text": hide(first_text),
+        "others": [(hide(changes), names) for changes, names in grouped.items()],
+    }

@@ -34,8 +34,8 @@ def curves_page(
     folder, rows = facts.folder, facts.rows
     veil = Anonymous({}, {}, folder.path) if anonymous else None
     severities = {code: meaning.severity for code, meaning in registry.load().meanings.items()}
-    first, *others = [_run(folder, row, by, severities) for row in rows]
-    runs = [replace(first, pipeline=_pipeline_text(folder, rows[0].curve), veil=veil), *others]
+    first, *other_runs = [_run(folder, row, by, severities) for row in rows]
+    runs = [replace(first, pipeline=_pipeline_text(folder, rows[0].curve), veil=veil), *other_runs]
     groups = list(dict.fromkeys(run.group for run in runs))
     study = folder_section(facts, veil.text if veil else str)
     return page_of_runs(runs, groups, facts.track, "curve", _notes(rows, where, path), study, unit)
@@ -54,9 +54,9 @@ def _pipeline_text(folder: FitFolder, curve: str) -> str:
 def folder_facts(path: Path, track: str | None, by: str | None, where: str | None) -> FolderFacts:
     """Return the rows of a folder of fits that are reported; raises LogError, ConfigurationError."""
     folder = FitFolder(path)
-    for option, name, known in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
-        if name is not None and name not in known:
-            raise ConfigurationError(f"{option} {name}: {path} has no such{suggest(name, known)}")
+    for option, name, choices in (("--track", track, folder.tracks), ("--by", by, folder.columns)):
+        if name is not None and name not in choices:
+            raise ConfigurationError(f"{option} {name}: {path} has no such{suggest(name, choices)}")
     chosen = track or next(iter(folder.tracks), "")
     rows = curve_filter(where, folder, registry.load().meanings).choose(folder.rows)
     rows = [row for row in rows if row.track in (chosen, "")]
@@ -98,9 +98,9 @@ def _reasons(row: CurveRow, level: str) -> tuple[str, ...]:
 def _notes(rows: Sequence[CurveRow], where: str | None, path: Path) -> list[str]:
     """Return the notes on the rows that are shown."""
     rejected = sum(row.rejected is not None for row in rows)
-    found = [f"Only curves of {where}."] if where else []
+    notes = [f"Only curves of {where}."] if where else []
     if rejected:
-        found.append(f"{rejected} of {len(rows)} curves were rejected and are in no number.")
+        notes.append(f"{rejected} of {len(rows)} curves were rejected and are in no number.")
     if old := sum(row.state == "stale" for row in rows):
-        found.append(f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} repeats them.")
-    return found
+        notes.append(f"{old} of {len(rows)} rows were made with other settings: palpate fit {path.name} repeats them.")
+    return notes

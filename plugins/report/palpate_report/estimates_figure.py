@@ -42,13 +42,13 @@ def _panels(subject: Subject) -> list[tuple[list[str], str]]:
 
 
 def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter: str, data: dict[str, Floats]) -> None:
-    found = [
+    estimates = [
         subject.record.document.get("tracks", {}).get(name, {}).get("parameters", {}).get(parameter) for name in names
     ]
-    word, factor = display_unit(subject.record.unit(names[0], parameter))
+    symbol, factor = display_unit(subject.record.unit(names[0], parameter))
     settled = list[Floats]()
     bars = list[tuple[float, float]]()
-    for name, table in zip(names, found, strict=True):
+    for name, table in zip(names, estimates, strict=True):
         curves = subject.curves(name)
         used = np.flatnonzero(curves.used)
         rows = used[thin_rows(len(used), MAX_POINTS // 2)]
@@ -63,18 +63,22 @@ def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter
         axis.fill_between(time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
         settled.append(factor * curves.values[parameter][curves.settled])
         if table and table["value"] is not None and table.get("combined"):
-            at, bar = time[-1] + (0.02 + 0.015 * len(bars)) * np.ptp(time), 2 * factor * table["combined"]
-            axis.errorbar(at, factor * table["value"], bar, fmt=".", color=line.get_color(), capsize=1.5, linewidth=0.8)
+            bar_time, bar = time[-1] + (0.02 + 0.015 * len(bars)) * np.ptp(time), 2 * factor * table["combined"]
+            axis.errorbar(
+                bar_time, factor * table["value"], bar, fmt=".", color=line.get_color(), capsize=1.5, linewidth=0.8
+            )
             bars.append((factor * table["value"], bar))
         data |= {f"{name}:time_s": time, f"{name}:{parameter}": value / factor, f"{name}:{parameter}_std": std / factor}
     truth = subject.record.document.get("truth", {}).get(parameter)
     if truth is not None:
         axis.axhline(factor * truth, color="black", linewidth=0.6, linestyle=":", label="truth")
-    axis.set(xlabel="time [s]", ylabel=f"{parameter.replace('_', ' ')} [{word}]")
+    axis.set(xlabel="time [s]", ylabel=f"{parameter.replace('_', ' ')} [{symbol}]")
     limits = common_limits(settled, 0.1 if swept(subject.curves(names[0]).place) else 0.5)
     if limits is not None:
-        seen = [value + side * 1.1 * bar for value, bar in bars if limits[0] <= value <= limits[1] for side in (-1, 1)]
-        axis.set_ylim(min(limits[0], *seen, limits[0]), max(limits[1], *seen, limits[1]))
+        bounds = [
+            value + side * 1.1 * bar for value, bar in bars if limits[0] <= value <= limits[1] for side in (-1, 1)
+        ]
+        axis.set_ylim(min(limits[0], *bounds, limits[0]), max(limits[1], *bounds, limits[1]))
 
 
 def _shared_legends(axes: Sequence[Any]) -> None:

@@ -63,11 +63,11 @@ class FolderFacts:
     @cached_property
     def conditions(self) -> dict[str, tuple[str, int]]:
         """The facts that nobody has stated, each with its most frequent sentence, and the number of rows it is of."""
-        told: dict[str, Counter[str]] = {}
+        texts: dict[str, Counter[str]] = {}
         for row in self.used:
             for fact, sentence in row_conditions(row.cells).items():
-                told.setdefault(fact, Counter())[sentence] += 1
-        return {fact: (said.most_common(1)[0][0], said.total()) for fact, said in told.items()}
+                texts.setdefault(fact, Counter())[sentence] += 1
+        return {fact: (counts.most_common(1)[0][0], counts.total()) for fact, counts in texts.items()}
 
     @cached_property
     def instrument(self) -> str | None:
@@ -86,8 +86,8 @@ class FolderFacts:
 
     def typical(self, name: str) -> CurveRow | None:
         """Return the used row whose value is the middle one; None where none has a number."""
-        known = sorted((value, row.curve, row) for row in self.used if (value := row.usable_number(name)) is not None)
-        return known[(len(known) - 1) // 2][2] if known else None
+        ranked = sorted((value, row.curve, row) for row in self.used if (value := row.usable_number(name)) is not None)
+        return ranked[(len(ranked) - 1) // 2][2] if ranked else None
 
     def relative_uncertainty(self, name: str) -> tuple[float, float] | None:
         """Median of the relative combined uncertainty of a value, and of its part that all curves share."""
@@ -95,8 +95,8 @@ class FolderFacts:
             (row.number(f"{name}_combined"), row.systematic(name), row.usable_number(name))
             for row in self.used
         ]  # fmt: skip
-        known = [(u / abs(v), (shared or 0.0) / abs(v)) for u, shared, v in pairs if u is not None and v]
-        return tuple(float(number) for number in np.median(np.array(known), axis=0)) if known else None  # type: ignore[return-value]
+        shares = [(u / abs(v), (shared or 0.0) / abs(v)) for u, shared, v in pairs if u is not None and v]
+        return tuple(float(number) for number in np.median(np.array(shares), axis=0)) if shares else None  # type: ignore[return-value]
 
 
 def exclusion_of(row: CurveRow) -> str:

@@ -33,14 +33,14 @@ _EQUATION = re.compile(r", eq\. [^;]*")  # of a source: a number that only its r
 def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict[str, Any]:
     """Everything of the section, `hide` taking paths out of texts; what cannot be made here is said in its place."""
     notes: list[str] = []
-    found: dict[str, Any] = {"measured": {}, "budget": None}
+    section: dict[str, Any] = {"measured": {}, "budget": None}
     for key, make in (("measured", _measured), ("budget", _typical_budget)):
         try:
-            found[key] = make(facts)
+            section[key] = make(facts)
         except PalpateError as error:
             notes.append(hide(f"Not shown, since the fits cannot be made again here: {error}"))
     return {
-        **found,
+        **section,
         "notes": list(dict.fromkeys(notes)),
         "exclusions": facts.exclusions,
         "conditions": facts.conditions,
@@ -53,20 +53,20 @@ def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict
 def _measured(facts: FolderFacts) -> Mapping[str, str]:
     """Tip, model and force, of each dialect where they differ."""
     pipelines = facts.pipelines
-    found = {"instrument": facts.instrument or 'not stated (rig.toml of the folder: instrument = "...")'}
-    words = facts_in_words(pipelines)
+    facts_table = {"instrument": facts.instrument or 'not stated (rig.toml of the folder: instrument = "...")'}
+    texts = facts_in_words(pipelines)
     for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
-        found[name] = words.get(key, "none")
+        facts_table[name] = texts.get(key, "none")
     if motion := measured_text([row_motion(row.cells) for row in facts.used]):
-        found["motion"] = motion
+        facts_table["motion"] = motion
     pipeline = pipelines[0][0]
     track = pipeline.tracks[0]
-    found["model by name"] = pipeline.registry.name_of(type(track.model))
-    found["source of the model"] = _EQUATION.sub("", sources_of(type(track.model))) or "none stated"
-    found["estimator"] = pipeline.registry.name_of(type(track.estimator))
+    facts_table["model by name"] = pipeline.registry.name_of(type(track.model))
+    facts_table["source of the model"] = _EQUATION.sub("", sources_of(type(track.model))) or "none stated"
+    facts_table["estimator"] = pipeline.registry.name_of(type(track.estimator))
     if facts.own_settings:
-        found["settings of single curves"] = f"of {curve_count(facts.own_settings)} (own.toml)"
-    return found
+        facts_table["settings of single curves"] = f"of {curve_count(facts.own_settings)} (own.toml)"
+    return facts_table
 
 
 def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
@@ -82,18 +82,18 @@ def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
 def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
     """Return the best, the middle and the worst curve, and some that are not used."""
     folder: FitFolder = facts.folder
-    found = []
+    groups = []
     ranked = ranked_rows(facts)
     if ranked:
-        drawings = [drawing(folder, row, word) for word, row in ranked.items()]
+        drawings = [drawing(folder, row, rank) for rank, row in ranked.items()]
         said = f"Least, middle and largest residual of the curves used ({'; '.join(captions(ranked))})"
-        found.append(_picture(used_curves_figure(drawings), said))
+        groups.append(_picture(used_curves_figure(drawings), said))
     if excluded := excluded_rows(facts):
         drawings = [drawing(folder, row, str(number)) for number, row in enumerate(excluded, start=1)]
         why = "; ".join(f"{number}: {exclusion_of(row)}" for number, row in enumerate(excluded, start=1))
         said = f"{len(excluded)} of {sum(facts.exclusions.values())} curves that are not used ({why})"
-        found.append(_picture(excluded_curves_figure(drawings), said))
-    return found
+        groups.append(_picture(excluded_curves_figure(drawings), said))
+    return groups
 
 
 def _picture(figure: Any, caption: str) -> dict[str, Any]:
@@ -102,14 +102,15 @@ def _picture(figure: Any, caption: str) -> dict[str, Any]:
 
 
 def _origin(facts: FolderFacts, hide: Callable[[str], str]) -> dict[str, str]:
-    known = facts.provenance
-    if not known:
+    provenance = facts.provenance
+    if not provenance:
         return {"made by": "not known: the rows were fitted by a palpate that did not note it"}
-    found = {
-        f"command {number}" if len(known) > 1 else "command": hide(one.command) for number, one in enumerate(known, 1)
+    rows = {
+        f"command {number}" if len(provenance) > 1 else "command": hide(entry.command)
+        for number, entry in enumerate(provenance, 1)
     }
-    others = {one.versions.get("palpate", "?") for one in known}
-    found["versions"] = ", ".join(f"{name} {version}" for name, version in libraries(known).items())
-    if len(others) > 1:
-        found["rows of several versions"] = ", ".join(sorted(others))
-    return found
+    versions = {entry.versions.get("palpate", "?") for entry in provenance}
+    rows["versions"] = ", ".join(f"{name} {version}" for name, version in libraries(provenance).items())
+    if len(versions) > 1:
+        rows["rows of several versions"] = ", ".join(sorted(versions))
+    return rows

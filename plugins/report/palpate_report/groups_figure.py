@@ -38,10 +38,10 @@ def folder_comparison(
 ) -> GroupComparison:
     """Return the comparison of groups of a folder of fits; raises UserError for anything else."""
     folder = FitFolder(path)
-    known = {"--by": folder.columns, "--track": folder.tracks, "--parameter": folder.values}
+    choices = {"--by": folder.columns, "--track": folder.tracks, "--parameter": folder.values}
     for option, name in (("--by", by), ("--track", track), ("--parameter", parameter)):
-        if name is not None and name not in known[option]:
-            raise ConfigurationError(f"{option} {name}: {path} has no such{suggest(name, known[option])}")
+        if name is not None and name not in choices[option]:
+            raise ConfigurationError(f"{option} {name}: {path} has no such{suggest(name, choices[option])}")
     if track is None and len(folder.tracks) > 1:
         raise ConfigurationError(f"{path}: has {len(folder.tracks)} tracks; choose one with --track")
     chosen = track or next(iter(folder.tracks), "")
@@ -55,12 +55,12 @@ def folder_comparison(
 @style()
 def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width: float) -> GroupsFigure:
     """Return the figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
-    words = readable(parameter)
-    word, factor = display_unit(unit)
+    quantity = readable(parameter)
+    symbol, factor = display_unit(unit)
     figure, axes = figure_of(width=width, height=min(0.7 * width, 80.0))
     axis = axes[0, 0]
-    most = max(group.units for group in comparison.groups)
-    size = 4.5 if most <= 12 else 3.0 if most <= 60 else 1.6
+    max_units = max(group.units for group in comparison.groups)
+    size = 4.5 if max_units <= 12 else 3.0 if max_units <= 60 else 1.6
     for place, group in enumerate(comparison.groups):
         sides = (place - _HALF_WIDTH, place + _HALF_WIDTH)
         low, high = (factor * end for end in group.interval)
@@ -77,7 +77,7 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
     turned = _LETTER_WIDTH * max(len(line) for label in labels for line in label.splitlines()) > room
     axis.set_xticks(range(len(labels)), labels, **({"rotation": 90} if turned else {}))
     axis.grid(visible=False, axis="x")
-    axis.set(xlim=(-0.6, len(labels) - 0.4), ylabel=f"{words} [{word}]" if word else words)
+    axis.set(xlim=(-0.6, len(labels) - 0.4), ylabel=f"{quantity} [{symbol}]" if symbol else quantity)
     points = "Values of single curves" if comparison.singles else f"Means of units ({comparison.unit})"
     caption = f"{points} over the mean of their group and its 95 % interval. {comparison.sentence}".strip()
     return GroupsFigure(figure, caption, _csv(comparison, parameter, unit))

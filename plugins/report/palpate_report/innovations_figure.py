@@ -27,16 +27,16 @@ def innovations(subject: Subject) -> ReportFigure | None:
         return None
     figure, axes = pair(subject, 2 if white else 1)
     data: dict[str, Floats] = {}
-    left = axes[0]
+    panel = axes[0]
     for name in names[:3]:
         curves = subject.curves(name)
         x, (low, middle, high) = quartiles(curves.time[curves.settled], curves.innovation[curves.settled], 50)
-        (line,) = left.plot(x, middle, label=name)
-        left.fill_between(x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+        (line,) = panel.plot(x, middle, label=name)
+        panel.fill_between(x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
         data |= {f"{name}:time_s": x, f"{name}:innovation": middle, f"{name}:low": low, f"{name}:high": high}
     for level in (-_QUARTILE, 0.0, _QUARTILE):
-        left.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
-    left.set(xlabel="time [s]", ylabel="innovation / its std")
+        panel.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
+    panel.set(xlabel="time [s]", ylabel="innovation / its std")
     for name, (lags, shares, _) in list(white.items())[:MAX_TRACKS]:
         axes[1].plot(1e3 * lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
         data |= {f"{name}:lag_s": lags, f"{name}:autocorrelation": shares}
@@ -47,7 +47,7 @@ def innovations(subject: Subject) -> ReportFigure | None:
         axes[1].set_ylim(min(-0.2, *axes[1].get_ylim()), max(0.4, axes[1].get_ylim()[1]))
         legend_outside(axes[1])
     else:
-        legend_outside(left)
+        legend_outside(panel)
     caption = (
         "Innovations: median and middle half (dotted: of white noise of the expected size); their "
         "autocorrelation over the later half of the record (grey: where 95 % of that of white noise lies)"

@@ -23,8 +23,8 @@ def draw_map(subject: Subject) -> ReportFigure | None:
         return None
     main = subject.curves(subject.main)
     parameter = next(iter(main.values))
-    word, factor = display_unit(subject.record.unit(subject.main, parameter))
-    label = f"{parameter.replace('_', ' ')} [{word}]"
+    symbol, factor = display_unit(subject.record.unit(subject.main, parameter))
+    label = f"{parameter.replace('_', ' ')} [{symbol}]"
     if along(main.place) is not None:
         return _line(subject, parameter, label, factor)
     on_surface = surface_map_of(subject.record, parameter)
@@ -44,16 +44,16 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
         rows = np.flatnonzero(curves.settled & np.isfinite(coordinate))
         rows = rows[moving_samples(curves.time[rows], coordinate[rows])]
         rows = rows[thin_rows(len(rows), MAX_POINTS // 2)]
-        at, value, std = (
+        position, value, std = (
             1e3 * coordinate[rows],
             factor * curves.values[parameter][rows],
             factor * curves.std[parameter][rows],
         )
-        (line,) = axis.plot(at, value, label=name)
-        axis.fill_between(at, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
+        (line,) = axis.plot(position, value, label=name)
+        axis.fill_between(position, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
         settled.append(value)
         data |= {
-            f"{name}:along_m": at / 1e3,
+            f"{name}:along_m": position / 1e3,
             f"{name}:{parameter}": value / factor,
             f"{name}:{parameter}_std": std / factor,
         }

@@ -108,14 +108,14 @@ def _tip(pipeline: Pipeline) -> Phrase:
     if not isinstance(tip, Indenter):
         return ()
     name = pipeline.registry.name_of(type(tip))
-    words = _TIPS.get(name, name.replace("-", " "))
+    tip_words = _TIPS.get(name, name.replace("-", " "))
     sizes: list[Phrase] = []
     for path, value, unit in numbers_of(tip):
         sizes.append((f"a {' '.join(path).replace('_', ' ')} of ", Quantity(value, unit)))
     doubt = _std(pipeline, "radius", "m") or _std(pipeline, "curvature_radius", "m")
     separators = [" with ", *[", "] * (len(sizes) - 2), " and "]
-    parts = (part for word, size in zip(separators, sizes, strict=False) for part in (word, *size))
-    return (f"The tip was {_article(words)} {words}", *parts, *doubt)
+    parts = (part for separator, size in zip(separators, sizes, strict=False) for part in (separator, *size))
+    return (f"The tip was {_article(tip_words)} {tip_words}", *parts, *doubt)
 
 
 def _zero(pipeline: Pipeline) -> Phrase:
@@ -167,7 +167,7 @@ def _mount(pipeline: Pipeline) -> Phrase:
 def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:
     model = pipeline.tracks[0].model
     name = pipeline.registry.name_of(type(model))
-    words = _MODELS.get(name, f"the contact model '{name.replace('-', ' ')}'")
+    model_words = _MODELS.get(name, f"the contact model '{name.replace('-', ' ')}'")
     sources = sources_of(type(model))
     keys = keys_of(sources)
     stated = f" ({sources.removesuffix('.')})" if sources and not keys else ""
@@ -177,7 +177,7 @@ def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:
         poisson = (", with a Poisson's ratio of ", Quantity(nu), *_std(pipeline, "poisson", "1"))
     verb = "was" if len(values) == 1 else "were"
     subject = _joined([*map(readable, values)]).capitalize()
-    head = f"{subject} {verb} estimated by {words}{stated}{cite(keys)}"
+    head = f"{subject} {verb} estimated by {model_words}{stated}{cite(keys)}"
     return (head, *poisson)
 
 
@@ -190,12 +190,12 @@ def _thickness(pipeline: Pipeline) -> Phrase:
         return ("The specimens were treated as a half-space, without a correction of their thickness",)
     law = str(getattr(layer, "law", ""))
     keys = keys_of(law)
-    by = f"the law of {law.capitalize()} et al.{cite(keys)}" if keys else f"the law '{law}'"
+    law_text = f"the law of {law.capitalize()} et al.{cite(keys)}" if keys else f"the law '{law}'"
     height: float = getattr(layer, "height", 0.0)
     size = (", ", Quantity(height, "m"), *_std(pipeline, "height", "m"), ",") if height else ()  # a table has its own
     bonded = getattr(layer, "bonded", None)
     base = "" if bonded is None else " glued to their base" if bonded else " sliding on their base"
-    return (f"The finite thickness of the specimens{base}", *size, f" was corrected by {by}")
+    return (f"The finite thickness of the specimens{base}", *size, f" was corrected by {law_text}")
 
 
 def _inclination(pipeline: Pipeline) -> Phrase:
@@ -224,9 +224,9 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
         yield f"All {every} {_curves(every)} were used."
     else:
         why = [f"{printable(reason)}, n = {count}" for reason, count in facts.exclusions.items()]
-        left = every - used
+        excluded = every - used
         yield (
-            f"Of the {every} {_curves(every)}, {used} {_were(used)} used and {left} {_were(left)} excluded "
+            f"Of the {every} {_curves(every)}, {used} {_were(used)} used and {excluded} {_were(excluded)} excluded "
             f"({'; '.join(why)})."
         )
     yield from _verdicts(facts)
@@ -241,9 +241,11 @@ def _verdicts(facts: FolderFacts) -> Iterator[str]:
     """Yield sentences on the verdicts of each value that is not good in all curves, and on shared findings."""
     table = facts.table
     for name in table.names:
-        words = Counter(value.word for row in table.rows if (value := row.values.get(name)) is not None and value.word)
-        counts = [f"{word} in {count}" for word, count in words.most_common() if not word.startswith("needs ")]
-        if words.keys() - {"good"} and counts:
+        verdicts = Counter(
+            value.word for row in table.rows if (value := row.values.get(name)) is not None and value.word
+        )
+        counts = [f"{word} in {count}" for word, count in verdicts.most_common() if not word.startswith("needs ")]
+        if verdicts.keys() - {"good"} and counts:
             yield f"{readable(name).capitalize()} was {_joined(counts)}."
     for finding, rows, _ in table.shared_findings():
         if finding.word == "doubtful":
@@ -253,24 +255,25 @@ def _verdicts(facts: FolderFacts) -> Iterator[str]:
 
 
 def _assumptions(facts: FolderFacts) -> Iterator[str]:
-    told = [
+    sentences = [
         sentence if count == len(facts.used) else f"{sentence} (of {count} curves)"
         for sentence, count in facts.conditions.values()
     ]
-    if told:
-        were = "was" if len(told) == 1 else "were"
-        yield f"The following {were} assumed, not measured: {'; '.join(map(printable, told))}."
+    if sentences:
+        were = "was" if len(sentences) == 1 else "were"
+        yield f"The following {were} assumed, not measured: {'; '.join(map(printable, sentences))}."
 
 
 def _uncertainty(facts: FolderFacts) -> Iterator[str]:
-    known = {name: found for name in facts.values if (found := facts.relative_uncertainty(name)) is not None}
-    if not known:
+    uncertainties = {name: shares for name in facts.values if (shares := facts.relative_uncertainty(name)) is not None}
+    if not uncertainties:
         return
     sources = _sources(facts)
-    of = f", which comprise {_joined(sources)}" if sources else ""
-    yield f"Single values carry combined standard uncertainties (coverage factor 1){cite(keys_of('uncertainty'))}{of}."
-    whole = [f"{_percent(found[0])} for {readable(name)}" for name, found in known.items()]
-    shared = [_percent(found[1]) for found in known.values()]
+    parts = f", which comprise {_joined(sources)}" if sources else ""
+    citation = cite(keys_of("uncertainty"))
+    yield f"Single values carry combined standard uncertainties (coverage factor 1){citation}{parts}."
+    whole = [f"{_percent(shares[0])} for {readable(name)}" for name, shares in uncertainties.items()]
+    shared = [_percent(shares[1]) for shares in uncertainties.values()]
     yield (
         f"The median relative uncertainty was {_joined(whole)}; the part that all curves share, which averaging does "
         f"not reduce, was {_joined(shared)}."
@@ -309,38 +312,40 @@ def _tests(comparisons: Mapping[str, GroupComparison]) -> Iterator[str]:
 
 
 def _software(facts: FolderFacts) -> Iterator[str]:
-    known = facts.provenance
-    versions = list(dict.fromkeys(one.versions.get("palpate", "?") for one in known))
-    if not known:
+    provenance = facts.provenance
+    versions = list(dict.fromkeys(entry.versions.get("palpate", "?") for entry in provenance))
+    if not provenance:
         yield "The version of palpate by which the fits were made is not on record."
         return
-    others = [f"{word} {known[-1].versions[key]}" for key, word in _LIBRARIES.items() if key in known[-1].versions]
-    yield f"Fits were made with palpate {_joined(versions)} ({', '.join(others)}){cite(keys_of('casadi'))}."
+    libraries = [
+        f"{word} {provenance[-1].versions[key]}" for key, word in _LIBRARIES.items() if key in provenance[-1].versions
+    ]
+    yield f"Fits were made with palpate {_joined(versions)} ({', '.join(libraries)}){cite(keys_of('casadi'))}."
 
 
 def _results(facts: FolderFacts, comparisons: Mapping[str, GroupComparison], by: str) -> Iterator[str]:
     first = next(iter(comparisons.values()))
-    of = "single curves" if first.singles else f"the means of n units ({first.unit})"
-    yield f"Values are means ± standard deviations of {of}, by {by}."
-    for name, found in comparisons.items():
-        word, factor = display_unit(facts.folder.units.get(name, "1"))
+    members = "single curves" if first.singles else f"the means of n units ({first.unit})"
+    yield f"Values are means ± standard deviations of {members}, by {by}."
+    for name, comparison in comparisons.items():
+        symbol, factor = display_unit(facts.folder.units.get(name, "1"))
         groups = [
-            f"{value_with_uncertainty(factor * group.mean, factor * group.std)} {word} in {printable(group.name)} "
-            f"(n = {group.units}{'' if found.singles else f', {group.curves} curves'})"
-            for group in found.groups
+            f"{value_with_uncertainty(factor * group.mean, factor * group.std)} {symbol} in {printable(group.name)} "
+            f"(n = {group.units}{'' if comparison.singles else f', {group.curves} curves'})"
+            for group in comparison.groups
         ]
         yield f"{readable(name).capitalize()} was {_joined(groups)}."
-        if found.untested:
-            yield f"There is {found.untested}."
-        for pair in found.most_significant():
+        if comparison.untested:
+            yield f"There is {comparison.untested}."
+        for pair in comparison.most_significant():
             if math.isnan(pair.p):
                 continue
-            p = pair.corrected if found.tests > 1 else pair.p
+            p = pair.corrected if comparison.tests > 1 else pair.p
             low, high = (f"{factor * edge:.3g}" for edge in (pair.low, pair.high))
             yield (
-                f"The difference {printable(pair.difference_is)} was {factor * pair.difference:.3g} {word} "
-                f"(95 % confidence interval {low} to {high} {word}; t({pair.freedom:.3g}) = {pair.t:.3g}, "
-                f"{'corrected ' if found.tests > 1 else ''}{_p(p)})."
+                f"The difference {printable(pair.difference_is)} was {factor * pair.difference:.3g} {symbol} "
+                f"(95 % confidence interval {low} to {high} {symbol}; t({pair.freedom:.3g}) = {pair.t:.3g}, "
+                f"{'corrected ' if comparison.tests > 1 else ''}{_p(p)})."
             )
 
 
@@ -348,8 +353,8 @@ def _p(p: float) -> str:
     return f"p < {_MIN_SHOWN_P}" if p < _MIN_SHOWN_P else f"p = {p:.2g}"
 
 
-def _article(word: str) -> str:
-    return "an" if word[:1] in "aeiou" else "a"
+def _article(noun: str) -> str:
+    return "an" if noun[:1] in "aeiou" else "a"
 
 
 def _curves(count: int) -> str:
@@ -360,5 +365,5 @@ def _were(count: int) -> str:
     return "was" if count == 1 else "were"
 
 
-def _joined(words: list[str]) -> str:
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]])) if words else ""
+def _joined(texts: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]])) if texts else ""

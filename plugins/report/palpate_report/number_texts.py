@@ -17,28 +17,28 @@ def number_text(value: float, unit: str) -> str:
     >>> number_text(1772.66, "Pa")
     '1.77 kPa'
     """
-    word, factor = display_unit(unit)
-    return f"{value * factor:.3g} {word}".removesuffix(" 1").rstrip()
+    symbol, factor = display_unit(unit)
+    return f"{value * factor:.3g} {symbol}".removesuffix(" 1").rstrip()
 
 
-def value_of(found: Mapping[str, Any]) -> str:
+def value_of(table: Mapping[str, Any]) -> str:
     """Return a value with its combined standard uncertainty and unit; or why it has none, or a dash.
 
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    value = replace(table_value("", found, ""), places={})
+    value = replace(table_value("", table, ""), places={})
     return value.text if value.number != "-" else value.verdict if is_open(value.verdict) else "–"
 
 
-def range_of(found: Mapping[str, Any]) -> str:
+def range_of(value: Mapping[str, Any]) -> str:
     """Return a value as on every screen: along a path its range and mean with its verdict.
 
     >>> places = {"low": 110e3, "high": 150e3, "spread": 8.9e3}
     >>> range_of({"value": 120e3, "combined": 9e3, "unit": "Pa", "verdict": "good", "places": places})
     '110 to 150, mean 120.0 ± 1.3 kPa good'
     """
-    return table_value("", found, "").text if found.get("places") else value_of(found)
+    return table_value("", value, "").text if value.get("places") else value_of(value)
 
 
 def parts_of(value: Mapping[str, Any]) -> str:

@@ -16,13 +16,13 @@ _TIMEOUT = 120.0  # [s] of a browser that prints: a choice
 
 def print_pdf(page: Path, target: Path) -> None:
     """Print a page to a PDF; raises ConfigurationError without Chromium or Chrome, OutputError where it fails."""
-    browser = next((found for name in _BROWSERS if (found := shutil.which(name))), None)
+    browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
     if browser is None:
         raise ConfigurationError(
             f"--pdf: neither Chromium nor Chrome is on the PATH; open {page} in a browser and print it"
         )
     with TemporaryDirectory(prefix="palpate-print-") as folder:
-        made = Path(folder) / "report.pdf"
+        printed = Path(folder) / "report.pdf"
         command = [
             browser,
             "--headless",
@@ -31,7 +31,7 @@ def print_pdf(page: Path, target: Path) -> None:
             "--no-first-run",
             "--no-pdf-header-footer",
         ]
-        command += [f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}"]
+        command += [f"--user-data-dir={folder}/profile", f"--print-to-pdf={printed}"]
         # Root has no sandbox; the page is our own, lets no script but ours run, and may load nothing.
         command += ["--no-sandbox"] if os.geteuid() == 0 else []
         try:
@@ -40,9 +40,9 @@ def print_pdf(page: Path, target: Path) -> None:
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise OutputError(f"{target}: {browser} cannot print: {error}") from error
-        if not made.is_file():
+        if not printed.is_file():
             raise OutputError(f"{target}: {browser} printed nothing: {done.stderr.strip()[-300:]}")
         try:
-            shutil.copyfile(made, target)
+            shutil.copyfile(printed, target)
         except OSError as error:
             raise OutputError(f"{target}: cannot write: {error.strerror}") from error

@@ -24,8 +24,8 @@ class ResultBox:
 
 def result_box(table: ResultTable, notes: Sequence[str] = ()) -> ResultBox:
     """Return the box of a table; of a single track its values, else how many have which verdict."""
-    words = {value.word for row in table.rows for value in row.chief.values()}
-    colour = GOOD if words <= {"good"} else REFUSED if words <= {"invalid"} else DOUBTED
+    verdicts = {value.word for row in table.rows for value in row.chief.values()}
+    colour = GOOD if verdicts <= {"good"} else REFUSED if verdicts <= {"invalid"} else DOUBTED
     if len(table.rows) == 1 and table.thing == "track":
         headlines = [f"{value.symbol} {value.text}" for value in table.rows[0].chief.values()]
     else:

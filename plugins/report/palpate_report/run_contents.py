@@ -122,22 +122,22 @@ class RunContents:
     @cached_property
     def tracks(self) -> dict[str, tuple[EstimatesTable, TrackTable]]:
         """Each track's estimates with the table they stand in, by name: in the order of the result."""
-        found: dict[str, tuple[EstimatesTable, TrackTable]] = {}
+        tables: dict[str, tuple[EstimatesTable, TrackTable]] = {}
         for table in self.tables:
-            found |= {
-                name: (table, table.track(name)) for name in table.tracks if name not in found and len(table.numbers)
+            tables |= {
+                name: (table, table.track(name)) for name in table.tracks if name not in tables and len(table.numbers)
             }
         order = list(self.document.get("tracks", {}))
-        return dict(sorted(found.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
+        return dict(sorted(tables.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
 
     def unit(self, track: str, parameter: str) -> str:
         """SI unit of a track's parameter: by the result, or by its model without a result; nothing if unknown."""
-        found = self.document.get("tracks", {}).get(track, {}).get("parameters", {}).get(parameter)
-        if found:
-            return str(found["unit"])
+        value = self.document.get("tracks", {}).get(track, {}).get("parameters", {}).get(parameter)
+        if value:
+            return str(value["unit"])
         table = self.resolved.get("model", {}).get(TrackName.parse(track).model, {})
         entry = registry.load().parts["model"].get(table.get("type", ""))
-        units = {known.name: known.unit for known in entry.part.parameters} if entry else {}  # type: ignore[attr-defined]
+        units = {parameter_type.name: parameter_type.unit for parameter_type in entry.part.parameters} if entry else {}  # type: ignore[attr-defined]
         return str(units.get(parameter, ""))
 
     @property

@@ -104,9 +104,9 @@ def residuals(subject: Subject) -> ReportFigure | None:
             axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
             data |= {f"{name}:{key}": x, f"{name}:residual_{key[0]}_N": middle, f"{name}:low_{key[0]}_N": low}
             data[f"{name}:high_{key[0]}_N"] = high
-    for axis, word in zip(axes, ("time [s]", "depth [mm]"), strict=True):
+    for axis, label in zip(axes, ("time [s]", "depth [mm]"), strict=True):
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
-        axis.set(xlabel=word)
+        axis.set(xlabel=label)
         label_forces(axis, "measured less model")
     legend_outside(axes[0])
     caption = "Residual of the force: medians, and the band that contains the middle half"

@@ -42,15 +42,15 @@ def surface_map_of(record: RunContents, parameter: str) -> SurfaceMap | None:
     """Return the newest map of `palpate map` where that is on a surface, and of a parameter; else None."""
     for path in _newest_first(record.folder.maps)[:1]:
         if path.with_suffix(".ply").is_file():
-            found = read_surface_map(path.with_suffix(".ply"))
-            return found if found.parameter == parameter else None
+            surface_map = read_surface_map(path.with_suffix(".ply"))
+            return surface_map if surface_map.parameter == parameter else None
     return None
 
 
 def grid_of(record: RunContents, curves: Curves, parameter: str) -> Grid:
     """Return the newest map of `palpate map`, else the latest estimate in each cell that the tip came through."""
-    found = (_interpolated(path, parameter) for path in _newest_first(record.folder.maps))
-    return next((grid for grid in found if grid is not None), None) or _visited(curves, parameter)
+    maps = (_interpolated(path, parameter) for path in _newest_first(record.folder.maps))
+    return next((grid for grid in maps if grid is not None), None) or _visited(curves, parameter)
 
 
 def _newest_first(folder: Path) -> list[Path]:

@@ -68,7 +68,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         if picture is not None:
             share = 100 * picture.figure.get_figwidth() / (WIDTHS["double"] / 25.4)
             pictures[name] = {"svg": svg_text(picture.figure), "caption": picture.caption, "share": share}
-    given, resolved = record.given_text, record.resolved_text
+    stated, resolved = record.given_text, record.resolved_text
     sections = list(_sections(record, veil.text if veil else str)) if record.why_not is None else []
     calibration = _calibration(document, record)
     return render(
@@ -94,7 +94,7 @@ def page_of(record: RunContents, track: str | None = None, anonymous: bool = Fal
         calibration=veil.tree(calibration) if veil else calibration,
         facts=_facts(document.get("run", {})),
         truth=_truth(document),
-        given=_shown(given, veil),
+        given=_shown(stated, veil),
         resolved=_shown(resolved, veil),
         why_not=record.why_not,
         unreadable=veil.text(record.unreadable) if veil and record.unreadable else record.unreadable,
@@ -150,11 +150,11 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the sources of a track's uncertainty, with contribution and share of the combined variance [%]."""
     rows = []
     extra: dict[str, dict[str, Any]] = {}
-    for name, found in table["parameters"].items():
-        if estimate_of(found) is None:
+    for name, value in table["parameters"].items():
+        if estimate_of(value) is None:
             return []
         listed = {row["source"].partition(" ")[0].replace("-", "_") for row in table.get("budget", ())}
-        for key, share in found.items():
+        for key, share in value.items():
             cause = key.removeprefix("systematic_")
             if key.startswith("systematic_") and share is not None and cause not in listed:
                 extra.setdefault(cause, {})[name] = {"contribution": share}
@@ -162,13 +162,13 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     causes += [(cause.replace("_", "-"), None, "", effects) for cause, effects in extra.items()]
     for source, std, unit, effects in causes:
         cells = {}
-        for name, found in table["parameters"].items():
+        for name, value in table["parameters"].items():
             contribution = effects.get(name, {}).get("contribution")
             if contribution is None:
                 continue
-            combined = found.get("combined")
+            combined = value.get("combined")
             share = 100 * (contribution / combined) ** 2 if combined else None
-            cells[name] = {"shown": number_texts.number_text(contribution, found["unit"]), "share": share}
+            cells[name] = {"shown": number_texts.number_text(contribution, value["unit"]), "share": share}
         rows.append(
             {"source": source, "std": "" if std is None else number_texts.number_text(std, unit), "cells": cells}
         )
@@ -180,14 +180,14 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
     table = document.get("tracks", {}).get(subject.main)
     if table is None or subject.main is None or table["verdict"] == "invalid":
         return []
-    if any("places" in found for found in table["parameters"].values()):
+    if any("places" in value for value in table["parameters"].values()):
         return list(_along_the_way(table))
-    found = [(name, value, number_texts.parts_of(value)) for name, value in table["parameters"].items()]
-    found += [
+    rows = [(name, value, number_texts.parts_of(value)) for name, value in table["parameters"].items()]
+    rows += [
         (name, value, value["caveat"]) for name, value in table.get("derived", {}).items() if value["value"] is not None
     ]
-    found.append(("surface", table["surface"], number_texts.parts_of(table["surface"])))
-    return [(number_texts.readable(name), number_texts.value_of(value), small) for name, value, small in found]
+    rows.append(("surface", table["surface"], number_texts.parts_of(table["surface"])))
+    return [(number_texts.readable(name), number_texts.value_of(value), small) for name, value, small in rows]
 
 
 def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -198,8 +198,12 @@ def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:
     """Return the flags that every track has, which are those of the record."""
-    every = [track["flags"] for track in document.get("tracks", {}).values()]
-    return [flag for flag in every[0] if all(flag in flags for flags in every[1:])] if len(every) > 1 else []
+    flag_lists = [track["flags"] for track in document.get("tracks", {}).values()]
+    return (
+        [flag for flag in flag_lists[0] if all(flag in flags for flags in flag_lists[1:])]
+        if len(flag_lists) > 1
+        else []
+    )
 
 
 def _sections(record: RunContents, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
@@ -215,8 +219,8 @@ def _sections(record: RunContents, hide: Callable[[str], str]) -> Iterator[dict[
 
 
 def _facts(run: Mapping[str, Any]) -> dict[str, str]:
-    known = {word: (run[key], unit) for key, (word, unit) in _FACTS.items() if run.get(key) is not None}
-    return {word: f"{value:.4g} {unit}" if unit else number_texts.plain(value) for word, (value, unit) in known.items()}
+    facts = {word: (run[key], unit) for key, (word, unit) in _FACTS.items() if run.get(key) is not None}
+    return {word: f"{value:.4g} {unit}" if unit else number_texts.plain(value) for word, (value, unit) in facts.items()}
 
 
 def _truth(document: Mapping[str, Any]) -> list[str]:
@@ -232,7 +236,7 @@ def _truth(document: Mapping[str, Any]) -> list[str]:
 
 def _last_rows(record: RunContents) -> list[dict[str, Any]]:
     """Return the last usable estimate of each track of a run without a result."""
-    found = []
+    estimates = []
     for name, (_, track) in record.tracks.items():
         rows = track.usable.nonzero()[0]
         if len(rows):
@@ -243,22 +247,24 @@ def _last_rows(record: RunContents) -> list[dict[str, Any]]:
                 )
                 for key, column in track.values.items()
             }
-            found.append({"track": name, "time": float(track.time[last]), "values": values})
+            estimates.append({"track": name, "time": float(track.time[last]), "values": values})
         else:
-            found.append({"track": name, "time": None, "values": {}})
-    return found
+            estimates.append({"track": name, "time": None, "values": {}})
+    return estimates
 
 
 def _calibration(document: Mapping[str, Any], record: RunContents) -> dict[str, Any]:
     """Return the facts of the alignment: sources and delays of force and motion, mass, tare, first touch."""
     alignment = record.resolved.get("alignment", {})
-    found: dict[str, Any] = {}
+    rows: dict[str, Any] = {}
     for name in ("force", "position", "velocity"):
         signal = alignment.get(name)
         if isinstance(signal, dict):
             delay, doubt = signal.get("delay", 0.0), signal.get("uncertainty")
-            known = "not declared" if doubt is None else f"± {number_texts.number_text(doubt, 's')}"
-            found[f"{name} from"] = f"{signal.get('channel')}, delay {number_texts.number_text(delay, 's')} ({known})"
+            uncertainty = "not declared" if doubt is None else f"± {number_texts.number_text(doubt, 's')}"
+            rows[f"{name} from"] = (
+                f"{signal.get('channel')}, delay {number_texts.number_text(delay, 's')} ({uncertainty})"
+            )
     for key, unit in (
         ("tip_mass", "kg"),
         ("tip_mass_uncertainty", "kg"),
@@ -266,25 +272,25 @@ def _calibration(document: Mapping[str, Any], record: RunContents) -> dict[str, 
         ("series_stiffness", "N/m"),
     ):
         if isinstance(alignment.get(key), int | float):
-            found[number_texts.readable(key)] = number_texts.number_text(alignment[key], unit)
+            rows[number_texts.readable(key)] = number_texts.number_text(alignment[key], unit)
     run = document.get("run", {})
     if tare := run.get("tare"):
         offset, std = tare.get("offset"), tare.get("std")
-        word, factor = display_unit("N")
+        symbol, factor = display_unit("N")
         if offset is not None:
-            found["tare"] = f"{offset * factor:.4g} {word}" + (
+            rows["tare"] = f"{offset * factor:.4g} {symbol}" + (
                 f" ± {number_texts.number_text(std, 'N')}" if std else ""
             )
         if tare.get("noise") is not None:
-            found["noise of one force sample"] = number_texts.number_text(tare["noise"], "N")
+            rows["noise of one force sample"] = number_texts.number_text(tare["noise"], "N")
     if touch := run.get("first_touch"):
         height, method = number_texts.number_text(touch["position"], "m"), number_texts.plain(touch.get("by"))
-        found["first touch"] = f"{touch['time']:.3f} s, at {height} ({method})"
+        rows["first touch"] = f"{touch['time']:.3f} s, at {height} ({method})"
     calibration = record.resolved.get("run", {}).get("calibration")
-    found["calibration file"] = number_texts.plain(calibration) if calibration else "none"
+    rows["calibration file"] = number_texts.plain(calibration) if calibration else "none"
     if uncertainties := record.resolved.get("run", {}).get("uncertainties"):
-        found["declared uncertainties"] = number_texts.plain(uncertainties)
-    return found
+        rows["declared uncertainties"] = number_texts.plain(uncertainties)
+    return rows
 
 
 def _shown(text: str | None, veil: Anonymous | None) -> str | None:

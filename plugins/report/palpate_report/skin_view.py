@@ -37,9 +37,9 @@ def skin_view(subject: Subject) -> SkinView | None:
     """Return the view of the newest map of a run where that is on a surface, and of its main parameter; else None."""
     if subject.main is None:
         return None
-    found = surface_map_of(subject.record, next(iter(subject.curves(subject.main).values)))
-    if found is None:
+    surface_map = surface_map_of(subject.record, next(iter(subject.curves(subject.main).values)))
+    if surface_map is None:
         return None
     script = (files("palpate_kit.page") / "static" / "skin.js").read_text(encoding="utf-8")
     lumps = read_lumps(subject.record.folder.maps)
-    return SkinView(embed_json(skin_of_map(found, lumps), indent=None), script + _START)
+    return SkinView(embed_json(skin_of_map(surface_map, lumps), indent=None), script + _START)

@@ -46,7 +46,7 @@ def supplement_table(facts: FolderFacts) -> Table:
     shown = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
     heads = [f"{readable(name)}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]
     columns = folder.columns
-    left = ["curve", *columns, "verdict", "used"]
+    columns_left = ["curve", *columns, "verdict", "used"]
     rows = [
         [
             row.curve, *(row.groups.get(column, "") for column in columns),
@@ -55,7 +55,7 @@ def supplement_table(facts: FolderFacts) -> Table:
         ]
         for row in facts.rows
     ]  # fmt: skip
-    return Table.of("", ["curve", *columns, *heads, "residual RMS\nmN", "verdict", "used"], rows, left)
+    return Table.of("", ["curve", *columns, *heads, "residual RMS\nmN", "verdict", "used"], rows, columns_left)
 
 
 def _value(row: CurveRow, name: str, factor: float) -> str:

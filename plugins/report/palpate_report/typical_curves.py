@@ -39,30 +39,30 @@ class CurveDrawing:
 
 def ranked_rows(facts: FolderFacts) -> dict[str, CurveRow]:
     """Return the used rows of least, middle and largest residual, as many as there are, by what they are called."""
-    known = [row for row in facts.used if row.number("rms") is not None]
-    known.sort(key=lambda row: (row.number("rms"), row.curve))
-    last = len(known) - 1
-    found = {"best": 0, "median": last // 2, "worst": last}
-    return {name: known[place] for name, place in found.items() if known and (name == "worst" or place < last)}
+    fitted = [row for row in facts.used if row.number("rms") is not None]
+    fitted.sort(key=lambda row: (row.number("rms"), row.curve))
+    last = len(fitted) - 1
+    places = {"best": 0, "median": last // 2, "worst": last}
+    return {name: fitted[place] for name, place in places.items() if fitted and (name == "worst" or place < last)}
 
 
 def excluded_rows(facts: FolderFacts) -> list[CurveRow]:
     """Rows that are not used: of each reason one, then others."""
-    left = [row for row in facts.rows if not row.usable]
-    first = {exclusion_of(row): row for row in reversed(left)}
-    every = [row for row in left if first[exclusion_of(row)] is row]
-    return [*every, *(row for row in left if row not in every)][:_MAX_EXCLUDED]
+    excluded = [row for row in facts.rows if not row.usable]
+    first = {exclusion_of(row): row for row in reversed(excluded)}
+    firsts = [row for row in excluded if first[exclusion_of(row)] is row]
+    return [*firsts, *(row for row in excluded if row not in firsts)][:_MAX_EXCLUDED]
 
 
 def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
     """Return the outcome of the fit of a curve, made again from its file; raises PalpateError."""
-    reader, own = curve_reader(folder, folder.dialect_of(curve)), folder.settings_of(curve)
-    return curve_outcome(record_tracks(reader, own), reader.device, folder.curve(curve))
+    reader, settings = curve_reader(folder, folder.dialect_of(curve)), folder.settings_of(curve)
+    return curve_outcome(record_tracks(reader, settings), reader.device, folder.curve(curve))
 
 
-def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
+def drawing(folder: FitFolder, row: CurveRow, rank: str) -> CurveDrawing:
     """Return a curve as its fit sees it."""
-    title = f"{word}: {_short(row.curve)}"
+    title = f"{rank}: {_short(row.curve)}"
     nothing = np.zeros(0)
     file = folder.file_of(row.curve)
     if not file or not Path(file).exists():
@@ -72,12 +72,12 @@ def drawing(folder: FitFolder, row: CurveRow, word: str) -> CurveDrawing:
     except PalpateError as error:
         return CurveDrawing(title, nothing, nothing, nothing, str(error).replace(file, row.curve))
     samples, name = outcome.samples, row.track or str(outcome.pipeline.tracks[0].name)
-    found = outcome.result.tracks[name]
+    track = outcome.result.tracks[name]
     blocks = [block.force for block in outcome.estimates.get(name, ())]
-    model = np.concatenate(blocks) if found.usable and blocks else np.full(len(samples), np.nan)
-    surface = found.surface.value if found.usable and np.isfinite(found.surface.value) else np.nanmax(samples.position)
+    model = np.concatenate(blocks) if track.usable and blocks else np.full(len(samples), np.nan)
+    surface = track.surface.value if track.usable and np.isfinite(track.surface.value) else np.nanmax(samples.position)
     # What a fit takes for offset and drift is not a force of the contact.
-    bias = found.report.table().get("bias", 0.0) if found.report is not None else 0.0
+    bias = track.report.table().get("bias", 0.0) if track.report is not None else 0.0
     kept = thin_rows(len(samples), _MAX_POINTS)
     return CurveDrawing(title, (surface - samples.position)[kept], (samples.force - bias)[kept], model[kept])
 
@@ -131,5 +131,5 @@ def _draw_force(axis: Any, curve: CurveDrawing) -> None:
 
 def captions(rows: Mapping[str, CurveRow]) -> Iterator[str]:
     """Of each drawn curve its residual."""
-    for word, row in rows.items():
-        yield f"{word}: {row.curve}, residual {1e3 * (row.number('rms') or 0.0):.3g} mN RMS"
+    for rank, row in rows.items():
+        yield f"{rank}: {row.curve}, residual {1e3 * (row.number('rms') or 0.0):.3g} mN RMS"
