@@ -26,8 +26,11 @@ SWEEP = Path(__file__).parent.parent / "pipelines" / "sweep.toml"
 Judge = Callable[[], Result]
 
 
-def stored_records() -> Iterator[tuple[str, Judge]]:
-    """Yield the records by name, each fitted once, with the function that judges its result again."""
+def stored_records(folder: Path) -> Iterator[tuple[str, Judge]]:
+    """Yield the records by name, each fitted once, with the function that judges its result again.
+
+    Some of their files are looked at again for that: the folder stays until the last judgement.
+    """
     latest: dict[str, Any] = {}
     diagnose, build = tracks.Tracks.results, record_tracks.build_result
 
@@ -43,13 +46,12 @@ def stored_records() -> Iterator[tuple[str, Judge]]:
     # What a fit and a run call when their estimates are made, so that only this is done again.
     tracks.Tracks.results = keep_diagnosis  # type: ignore[method-assign, assignment]
     record_tracks.build_result = pipeline_run.build_result = keep_judgement  # type: ignore[attr-defined]
-    with tempfile.TemporaryDirectory() as folder:
-        for name, fit in _fits(Path(folder)):
-            latest.clear()
-            with suppress(OSError, palpate.PalpateError):  # a recording that is not there, a record that is refused
-                fit()
-            if "judge" in latest:
-                yield name, latest["judge"]
+    for name, fit in _fits(folder):
+        latest.clear()
+        with suppress(OSError, palpate.PalpateError):  # a recording that is not there, a record that is refused
+            fit()
+        if "judge" in latest:
+            yield name, latest["judge"]
 
 
 def _fits(folder: Path) -> Iterator[tuple[str, Callable[[], Any]]]:

@@ -14,6 +14,7 @@ import math
 import pkgutil
 import re
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import contextmanager
@@ -135,9 +136,9 @@ def forget(judging: Sequence[ModuleType]) -> None:
         cached.cache_clear()
 
 
-def stored(judging: Sequence[ModuleType]) -> Iterator[Record]:
+def stored(judging: Sequence[ModuleType], folder: Path) -> Iterator[Record]:
     """Yield the records, each with the time that a judgement takes, and with all that it refers to."""
-    for name, judge in stored_records():
+    for name, judge in stored_records(folder):
         begin = process_time()
         judgement = findings(judge())
         seconds = process_time() - begin
@@ -228,20 +229,23 @@ def main() -> None:
     warnings.simplefilter("ignore")
     judging = modules()
     candidates = list(constants(judging))
-    records = sorted(stored(judging), key=lambda record: record.seconds)
-    print(f"{len(candidates)} thresholds, {len(records)} records, judged in {sum(r.seconds for r in records):.0f} s")
-
-    # What no record of the set comes to is not tried; what changes a verdict is not tried again.
-    read = [constant for constant in candidates if any(record.reads(constant) for record in records)]
-    decisive = search(records, read, judging, findings)
-    others = [constant for constant in read if constant not in decisive]
-    weighty = search(records, others, judging, uncertainties)
-    idle = [constant for constant in others if constant not in weighty]
+    with tempfile.TemporaryDirectory() as folder:
+        records = sorted(stored(judging, Path(folder)), key=lambda record: record.seconds)
+        seconds = sum(record.seconds for record in records)
+        print(f"{len(candidates)} thresholds, {len(records)} records, judged in {seconds:.0f} s")
+        # What no record of the set comes to is not tried; what changes a verdict is not tried again.
+        read = [constant for constant in candidates if any(record.reads(constant) for record in records)]
+        decisive = search(records, read, judging, findings)
+        others = [constant for constant in read if constant not in decisive]
+        weighty = search(records, others, judging, uncertainties)
 
     print("\n| threshold | times | record | changes |\n|---|---|---|---|")
     for constant, (factor, name, change) in sorted({**decisive, **weighty}.items(), key=lambda item: str(item[0])):
         print(f"| `{constant}` | {factor:g} | {name} | {change} |")
-    for title, group in (("changes nothing", idle), ("not read", [c for c in candidates if c not in read])):
+    idle = [constant for constant in others if constant not in weighty]
+    unread = [constant for constant in candidates if constant not in read]
+    print(f"\n{len(decisive)} change a verdict, a flag or a fact; {len(weighty)} an uncertainty or a named cause")
+    for title, group in (("change nothing", idle), ("are not read", unread)):
         print(f"\n{len(group)} {title}: {', '.join(f'`{constant}`' for constant in group)}")
 
 
