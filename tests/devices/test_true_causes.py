@@ -268,7 +268,7 @@ def silent_child(process, hint=""):
     [
         ("R", 0.0, "the computer was late (the process was ready and got no core for"),
         ("R", 1.0, "it computes without a pause"),
-        ("D", 0.0, "it waits for the disk, as where memory is swapped out"),
+        ("D", 0.0, "it waits within the system, as where memory is swapped out or a disk or a port is busy"),
         ("T", 0.0, "another program has stopped it (SIGSTOP)"),
         ("S", 0.0, "its driver waits for something, and does not return"),
     ],

@@ -29,7 +29,7 @@ _OUTSIDE = {  # signals that a process does not send itself, and who does
     signal.SIGXCPU: "it computed for 3 s at real-time priority without a pause",
 }
 _STATES = {  # of a process that does not beat, and the cause
-    "D": "it waits for the disk, as where memory is swapped out",
+    "D": "it waits within the system, as where memory is swapped out or a disk or a port is busy",
     "T": "another program has stopped it (SIGSTOP)",
     "S": "its driver waits for something, and does not return",
 }
