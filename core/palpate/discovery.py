@@ -95,21 +95,24 @@ class Discovery:
         A hook that raises or answers anything else is noted in `failures`, and the others are asked; raises PluginError
         where it is that of a file, which the user can correct.
         """
+        functions = {answer.plugin: answer.function for answer in getattr(self.manager.hook, hook).get_hookimpls()}
         for module, plugin in {core_flags: _CORE, **self.plugins}.items():
+            if module not in functions:
+                continue
             # One plugin at a time, so that an error is that plugin's.
-            others = [other for _, other in self.manager.list_name_plugin() if other is not module]
             try:
-                offers = self.manager.subset_hook_caller(hook, others)()
+                offer = functions[module]()
             except RAISED_BY_PARTS as error:  # whatever third-party code raises
                 self._fail(plugin, f"{hook} raises {_cause(error)} ({_place(error, plugin)})", error)
                 continue
-            for offer in offers:
-                try:
-                    checked = check(offer)
-                except Exception as error:
-                    self._fail(plugin, f"{hook} {error}", error)
-                else:
-                    yield plugin, checked
+            if offer is None:
+                continue
+            try:
+                checked = check(offer)
+            except Exception as error:
+                self._fail(plugin, f"{hook} {error}", error)
+            else:
+                yield plugin, checked
 
     def _fail(self, plugin: Plugin, problem: str, error: BaseException) -> None:
         """Note a problem of an installed plugin; raise PluginError for a file, which its user can correct."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate import hooks
-from palpate.discovery import discover
+from palpate.discovery import Discovery, discover
 from palpate.entries import Entry, FlagEntry, full_name, resolve_older_name, unique_initials, version_number
 from palpate.errors import ConfigurationError, PalpateError, PluginError, suggest
 from palpate.first_versions import FIRST_VERSIONS, KINDS_WITH_OLDER_NAMES
@@ -32,6 +33,7 @@ from palpate.offers import (
     function_of,
 )
 from palpate.plugin_origin import Plugin, normalized_name
+from palpate.plugin_switch import PluginSwitch
 from palpate.trust import PluginFile, plugin_files_at_hand
 
 if TYPE_CHECKING:
@@ -161,7 +163,22 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     noted in `failures` and does not stop the others; so is a name that two plugins claim, in `oddities`. Raises
     PluginError where a file fails, or claims a name of palpate's own.
     """
-    discovery = discover(_with_files_at_hand(files))
+    if together := _with_files_at_hand(files):
+        return _registry_of(discover(together))
+    registry = _installed_registry(tuple(sys.path), PluginSwitch.of_environment())
+    if registry.failures:  # which may be mended the next time
+        _installed_registry.cache_clear()
+    return registry
+
+
+@lru_cache(maxsize=1)
+def _installed_registry(import_path: tuple[str, ...], switch: PluginSwitch) -> Registry:
+    """Return the registry of the installed plugins on an import path that a switch admits, made once in a process."""
+    return _registry_of(discover())
+
+
+def _registry_of(discovery: Discovery) -> Registry:
+    """Return all that the plugins of a discovery offer."""
     # Parts by kind and key, of which the name is what follows the distribution.
     parts = dict[str, dict[str, Entry]]()
     for kind, (hook, root) in hooks.KINDS.items():
