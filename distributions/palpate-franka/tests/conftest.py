@@ -17,7 +17,7 @@ PALPATE = "from palpate_engine.cli import main; main()"
 # Simulator and client take one of two cores: what is late shows a busy machine, and is not a fault of palpate's. The
 # force that could arise meanwhile is computed; what arises is judged by the example's own limit.
 PATIENCE = ['device.arm.host_timeout="1 s"', 'device.arm.controller_timeout="1 s"', 'safety.reading_age="1 s"']
-PATIENCE += ['safety.force="100 N"']
+PATIENCE += ['safety.force="150 N"']
 # As on a rig, the controller is a computer of its own: it has the last core, and palpate the others.
 CORES = sorted(os.sched_getaffinity(0))
 ABSENT = [name for name in ("franky", "franky_sim", "mujoco") if importlib.util.find_spec(name) is None]
@@ -43,8 +43,9 @@ class Rig:
     def __init__(self, folder, file, *more):
         self.folder, self.file = folder, file
         self.port, self.address = f'device.sensor.port="{folder / "sensor"}"', next(ADDRESSES)
-        settings = [f'twin.bench.port="{folder / "sensor"}"', f'twin.bench.host="{self.address}"', *more]
-        command = [sys.executable, "-c", PALPATE, "twin", file, *(text for one in settings for text in ("--set", one))]
+        self.places = [f'twin.bench.port="{folder / "sensor"}"', f'twin.bench.host="{self.address}"']
+        settings = [text for one in (*self.places, *more) for text in ("--set", one)]
+        command = [sys.executable, "-c", PALPATE, "twin", file, *settings]
         os.sched_setaffinity(0, CORES)
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         os.sched_setaffinity(0, CORES[:-1] or CORES)
@@ -59,7 +60,7 @@ class Rig:
 
     def start(self, command, *arguments, stdin=subprocess.DEVNULL):
         """palpate, in a process of its own."""
-        changes = [self.port, f'device.arm.host="{self.address}"', *PATIENCE]
+        changes = [self.port, f'device.arm.host="{self.address}"', *self.places, *PATIENCE]
         changes = [text for change in changes for text in ("--set", change)]
         return subprocess.Popen(
             [sys.executable, "-c", PALPATE, *command.split(), self.file, *changes, *map(str, arguments)],
