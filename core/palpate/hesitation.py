@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from palpate.vectors import Floats
 
 _GAP = 1.75  # usual intervals, a choice: one missing state makes an interval of two
+_SERVO_PERIOD = 0.002  # [s] of the commands: between two of them no missing state is a hold-up
 _BEFORE = 0.005  # [s], a choice: the arm slows down as soon as commands are missing
 _SETTLING = 0.04  # [s], a choice: after commands arrive again; the paper's law has a time constant of 50 ms
 _CATCH_UP = 10.0  # hold-ups: an arm catches up at a tenth more than the planned speed
@@ -42,7 +43,7 @@ class Hesitations:
 def hesitations(time: Floats) -> Hesitations:
     """Return the hesitations of an arm by the time-stamps (n,) [s] of its states."""
     step = np.diff(time)
-    usual = float(np.median(step)) if len(step) else 0.0
+    usual = max(float(np.median(step)), _SERVO_PERIOD) if len(step) else 0.0
     gaps = np.flatnonzero(step > _GAP * usual)
     catch_up = np.minimum(_CATCH_UP * (step[gaps] - usual), _MAX_CATCH_UP)
     end = time[gaps + 1] + _SETTLING + catch_up

@@ -110,3 +110,10 @@ def test_which_times_a_hesitation_holds():
     assert (found.count(0.0, 1.0), found.count(1.0, 9.0)) == (2, 1)
     for even in (np.zeros(0), np.zeros(1), np.arange(50) * 0.002):
         assert not hesitations(even).hold(instants).any()
+
+
+@pytest.mark.parametrize(("missing", "holds"), [(1, False), (3, True)])
+def test_states_that_are_missing_between_two_commands_are_no_hesitation(missing, holds):
+    """Of an arm that reports each millisecond and is commanded every second one."""
+    time = np.delete(np.arange(2000) * 0.001, [k + i for k in range(40, 2000, 50) for i in range(missing)])
+    assert hesitations(time).hold(time).any() == holds

@@ -1,8 +1,13 @@
 """Point palpations on a busy computer: hesitations of the arm raise no flag, and the values are right."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
+from palpate_filters import ExtendedKalmanFilter
+from palpate_uncertainty.identifiability import identifiability
 
 from tests.hesitating import hesitate
 
@@ -70,3 +75,13 @@ def test_a_hesitation_is_no_fault_of_the_model(tmp_path, monkeypatch, held_up, m
     assert {flag for flag in flags if flag[1] in JUDGED} == set()
     elasticity = result.tracks["dr/fit"].parameters["elasticity"]
     assert abs(elasticity.value - 112.5e3) < 3 * elasticity.combined
+
+
+def test_a_motion_that_hesitates_all_the_time_shows_nothing_of_the_uncertainty(evidence):
+    """No sample of it is fitted: that is no parameter without an effect on the force."""
+    point = evidence("clean", ExtendedKalmanFilter(start_from="fit"), mass=0.14)
+    assert identifiability([point])
+    late = 0.008 * (np.arange(len(point.kept.time)) // 20)
+    held_up = replace(point, kept=replace(point.kept, time=point.kept.time + late))
+    assert held_up.kept.hesitating.mean() > 0.99
+    assert identifiability([held_up]) == {}

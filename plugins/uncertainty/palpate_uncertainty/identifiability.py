@@ -14,7 +14,7 @@ from palpate_engine import display_unit
 
 from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.information_bound import bounds_of_refit
-from palpate_uncertainty.refit import APART, make_course, possible, sweeps
+from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
 # Choices of the samples that are judged.
 _MIN_SAMPLES = 300  # in contact, for a judgement
@@ -47,9 +47,8 @@ class _RefitComparison:
     is_free: NDArray[np.bool_]  # (k,) True for values that were estimated
 
     @classmethod
-    def of(cls, track: TrackEvidence) -> _RefitComparison:
-        """Fit by least squares, beginning at the estimate."""
-        course = make_course(track, track.kept.used)
+    def of(cls, track: TrackEvidence, course: Course) -> _RefitComparison:
+        """Fit a track's course by least squares, beginning at the estimate."""
         best = refit(course, track.values, track.surface)
         bound, correlation, without_effect = bounds_of_refit(course, best)
         names = [parameter.name for parameter in track.model.parameters]
@@ -74,18 +73,21 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """
     findings = {}
     for track in tracks:
-        has_samples = np.count_nonzero(track.kept.used) >= _MIN_SAMPLES
-        if track.report is None and has_samples and possible(track) and not track.estimator.follows_changes:
+        if track.report is not None or not possible(track) or track.estimator.follows_changes:
+            continue
+        # Too few samples whose motion is known, as where the arm hesitates all the time, show nothing.
+        course = make_course(track, track.kept.used)
+        if np.count_nonzero(course.used) >= _MIN_SAMPLES:
             try:
-                findings[track.name] = _judge_sweep(track) if sweeps(track) else _judge_point(track)
+                findings[track.name] = _judge_sweep(track, course) if sweeps(track) else _judge_point(track, course)
             except ValueError:  # the model has no force at values that are so far off, which other flags report
                 continue
     return findings
 
 
-def _judge_point(track: TrackEvidence) -> Diagnosed:
+def _judge_point(track: TrackEvidence, course: Course) -> Diagnosed:
     """Return what least squares and the Cramer-Rao bound add to the uncertainty of one value for each parameter."""
-    comparison = _RefitComparison.of(track)
+    comparison = _RefitComparison.of(track, course)
     names, distance, bound, is_free = comparison.names, comparison.distance, comparison.bound, comparison.is_free
 
     # The distance of least squares, from one combined uncertainty on.
@@ -175,11 +177,11 @@ def _slides(track: TrackEvidence) -> bool:
     return any(bool(np.max(np.ptp(contact, axis=0)) > APART) for contact in contacts if len(contact))
 
 
-def _judge_sweep(track: TrackEvidence) -> Diagnosed:
+def _judge_sweep(track: TrackEvidence, course: Course) -> Diagnosed:
     """Return the flag where the one value of an estimator fails on a stretch of a sweep."""
     if not _slides(track):
         return Diagnosed()
-    distance, bound = _stretches(track)
+    distance, bound = _stretches(track, course)
     if not len(distance):
         return Diagnosed()
     names = [parameter.name for parameter in track.model.parameters]
@@ -207,9 +209,8 @@ def _judge_sweep(track: TrackEvidence) -> Diagnosed:
     return Diagnosed((flag,), dict(effects), table=table)
 
 
-def _stretches(track: TrackEvidence) -> tuple[Floats, Floats]:
+def _stretches(track: TrackEvidence, course: Course) -> tuple[Floats, Floats]:
     """Return least squares less the values (m, k), and their bounds (m, k), on each stretch of a sweep."""
-    course = make_course(track, track.kept.used)
     rows = np.flatnonzero(course.used)
     elapsed = course.time[rows] - course.time[rows[0]]
     last = max(int(elapsed[-1] / _STRETCH_DURATION) - 1, 0)  # takes what remains of the time
