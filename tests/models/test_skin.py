@@ -18,7 +18,7 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_models.skin import Skin
+from palpate_models.skin import ContactGeometry, Skin
 
 R, THETA = 5e-3, (112.5e3, 362.0)
 TIP = Sphere(radius=R)
@@ -196,3 +196,16 @@ def test_what_is_not_declared_of_a_stated_skin_has_a_default():
     assert (found["skin_radius"].std, found["skin_radius"].declared) == (1e-3, True)
     assert found["stick"].std == 0.5
     assert "stick" not in {source.name for source in sources_of(on(skin_radius="50 mm"), {})}
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.025, -0.05])
+@pytest.mark.parametrize("tip", [TIP, Cone(angle=0.3), Quartic(coefficient=1e7)], ids=["paraboloid", "cone", "quartic"])
+def test_under_a_layer_the_viscous_force_is_the_derivative_of_the_elastic_one(tip, radius):
+    """The factor is that of the tip at the depth u of its own profile, whose du/dd is not u/d but for a paraboloid."""
+    thickness = {"law": "garcia", "height": "22 mm", "radius": "5 mm"}
+    geometry = ContactGeometry.of(
+        DimensionalityReduction(indenter=tip, thickness=thickness, skin={"skin_radius": radius})
+    )
+    depth, step = 1e-3, 1e-9
+    above, below = (float(geometry.contact(depth + sign * step)[0]) for sign in (1, -1))
+    assert float(geometry.contact(depth)[1]) == pytest.approx((above - below) / (2 * step), rel=1e-5)

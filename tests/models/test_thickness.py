@@ -138,3 +138,19 @@ def test_none_is_a_half_space_and_a_radius_makes_any_tip_a_sphere():
         factor(THICKNESSES["dimitriadis-bonded"], Sphere(radius=R), 1e-3), rel=1e-12
     )
     np.testing.assert_allclose(like.factor(Quartic(), np.array([1e-3]))[0], like.factor(Quartic(), 1e-3)[0])
+
+
+@pytest.mark.parametrize("law", ["garcia", "dimitriadis"])
+@pytest.mark.parametrize("tip", [Sphere(radius=R), ExactSphere(radius=R), Flat(radius=R), Cone(angle=0.3)])
+def test_other_layers_are_laws_that_are_known_for_the_tip(tip, law):
+    """Deeper than a tenth of the height: the laws of spheres are no alternatives under a cone or a flat tip."""
+    is_sphere = isinstance(tip, Sphere | ExactSphere)
+    if law == "dimitriadis" and not is_sphere:
+        with pytest.raises(ConfigurationError, match="for spheres"):
+            DimensionalityReduction(indenter=tip, thickness={"law": law, "height": "22 mm"})
+        return
+    model = DimensionalityReduction(indenter=tip, thickness={"law": law, "height": "22 mm"})
+    others = model.other_geometries(3e-3, [1e5, 100.0])
+    published = {"garcia": "dimitriadis", "dimitriadis": "garcia"}[law]
+    assert set(others) == ({published, "finite-cylinder"} if is_sphere else set())
+    assert all(np.isfinite(values).all() for values in others.values())

@@ -8,7 +8,7 @@ from palpate import Indenter, Parameter
 
 from palpate_models.thickness import Layer, Thickness, corrected_contact
 
-USUAL_HEIGHT = 22e-3  # [m] of a specimen of which no thickness is declared: that of the paper's specimens
+USUAL_HEIGHT = 22e-3  # [m] of the silicone specimens of the paper, 50 by 22 mm: where no thickness is declared
 _MAX_STRAIN = 0.1  # depth over height to which the published corrections are derived (Dimitriadis et al. 2002)
 # Finite elements on a base without friction are softer than Dimitriadis' law by this much X = a/h: 1.5, 2.8, 4.3 and
 # 7 % at X = 0.1, 0.2, 0.3 and 0.5 (benchmarks/results/models.md).
@@ -21,24 +21,31 @@ def other_layers(
 ) -> dict[str, tuple[float, ...]]:
     """Return the parameter values of the same force at a depth [m] under each other layer, by its name.
 
-    Of a specimen without a declared thickness: a layer of 22 mm. Of a law: the other published one, a base that
-    slides by finite elements, and, deeper than the tenth of the height that the laws are derived for, the one
-    fitted to finite elements at large strain. An elastic parameter goes with A(d) c(d), a viscous one with its
-    derivative. Empty where nothing is published for the tip.
+    The force is E A(d) c(d) + eta (A c)'(d) d', up to constants: an elastic parameter is multiplied by the ratio of
+    A c, a viscous one by that of its derivative, this layer's over the other one's. The other layers of
+    - a tip that no correction is known for, a specimen stated to be a half-space, or a table of factors: none;
+    - a specimen without a declared thickness: a bonded one of 22 mm by Garcia's law;
+    - "garcia" under a sphere: "dimitriadis"; "dimitriadis", bonded: "garcia"; "finite-cylinder": "dimitriadis";
+    - both published laws under a sphere, deeper than a tenth of the height that they are derived for: in addition
+      "finite-cylinder", which is fitted to finite elements at large strain;
+    - "dimitriadis" on a base that slides: in addition the finite elements of a base without friction.
     """
     alternatives = {}
-    area, length = corrected_contact(indenter, thickness, depth)
-    for name, law in _laws(indenter, thickness, depth).items():
+    # The declared layer has a correction for the tip: a model without one is refused when it is built.
+    corrected_area, area_slope = corrected_contact(indenter, thickness, depth)
+    for name, layer in _other_corrections(indenter, thickness, depth).items():
         try:
-            other_area, other_length = corrected_contact(indenter, law, depth)
+            other_area, other_slope = corrected_contact(indenter, layer, depth)
         except ValueError:  # no correction is known for the tip
             continue
-        ratios = {"elastic": area / other_area, "viscous": length / other_length}
+        ratios = {"elastic": corrected_area / other_area, "viscous": area_slope / other_slope}
         alternatives[name] = _scaled(parameters, theta, ratios)
+    # A softer base makes the same force mean a stiffer material.
     if isinstance(thickness, Thickness) and thickness.law == "dimitriadis" and not thickness.is_bonded:
         ratio = min(indenter.contact_radius(depth) / thickness.height, _MAX_RATIO)
-        share = 1.0 / (1.0 - _SLIDING_BASE * ratio)
-        alternatives["a base without friction"] = _scaled(parameters, theta, {"elastic": share, "viscous": share})
+        stiffening = 1.0 / (1.0 - _SLIDING_BASE * ratio)
+        ratios = {"elastic": stiffening, "viscous": stiffening}
+        alternatives["a base without friction"] = _scaled(parameters, theta, ratios)
     return alternatives
 
 
@@ -48,21 +55,26 @@ def _scaled(parameters: Sequence[Parameter], theta: Sequence[float], ratios: dic
     return tuple(value * ratios.get(parameter.role or "", 1.0) for parameter, value in pairs)
 
 
-def _laws(indenter: Indenter, thickness: Layer, depth: float) -> dict[str, Thickness]:
-    """Return the other corrections, which are not validated: only their factor is used."""
+def _other_corrections(indenter: Indenter, thickness: Layer, depth: float) -> dict[str, Thickness]:
+    """Return the corrections of the other layers by name, see `other_layers`.
+
+    They are built without the checks of `Thickness`, such as that a finite cylinder needs its diameter: only their
+    factor is used.
+    """
     if thickness is None:
         usual = Thickness.model_construct(law="garcia", height=USUAL_HEIGHT)
         return {f"a bonded layer of {1e3 * USUAL_HEIGHT:.0f} mm": usual}
     if not isinstance(thickness, Thickness) or thickness.law == "table":
         return {}
-    changed = {"sticking": False, "diameter": None}
-    laws = {}
-    if thickness.law == "finite-cylinder":
-        laws["dimitriadis"] = thickness.model_copy(update=changed | {"law": "dimitriadis"})
-    elif thickness.law == "garcia":
-        laws["dimitriadis"] = thickness.model_copy(update={"law": "dimitriadis"})
-    elif thickness.is_bonded:
-        laws["garcia"] = thickness.model_copy(update={"law": "garcia"})
-    if thickness.law != "finite-cylinder" and depth > _MAX_STRAIN * thickness.height:
-        laws["finite-cylinder"] = thickness.model_copy(update={"law": "finite-cylinder"})
-    return laws
+    corrections: dict[str, Thickness] = {}
+    if thickness.law == "dimitriadis":
+        if thickness.is_bonded:
+            corrections["garcia"] = thickness.model_copy(update={"law": "garcia"})
+    elif thickness.treats_as_sphere(indenter):
+        corrections["dimitriadis"] = thickness.model_copy(
+            update={"law": "dimitriadis", "sticking": False, "diameter": None}
+        )
+    is_deep = depth > _MAX_STRAIN * thickness.height
+    if is_deep and thickness.law != "finite-cylinder" and thickness.treats_as_sphere(indenter):
+        corrections["finite-cylinder"] = thickness.model_copy(update={"law": "finite-cylinder"})
+    return corrections

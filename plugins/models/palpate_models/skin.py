@@ -19,7 +19,7 @@ from palpate_models.thickness import Layer, Thickness, contact_validity, correct
 FLAT: Literal["flat"] = "flat"
 _FACES = (Flat, TiltedFlat, TruncatedCone)  # tips under which curvature is not known
 _MAX_INCLINATION = math.radians(45.0)  # a choice; compared with contact by friction up to 30 degrees (0260)
-_NEWTON_STEPS = 3  # of the depth that is the tip's own, a choice; exact in one for a paraboloid
+_NEWTON_STEPS = 3  # for the depth that a tip alone would have, a choice; exact in one for a paraboloid
 _MIN_DEPTH = 1e-4  # [m], a choice: there the tip's own radius is taken
 _MAX_TURN = 0.5  # of cos t, a choice: depth over R + R_1 beyond which the normal is held
 _MAX_CONTACT = 0.3  # of the skin's radius, a choice: a larger contact is not small against it
@@ -165,22 +165,34 @@ def _added_curvature(tip_radius: Any, along: Any, across: Any) -> Any:
 def _curved_contact(
     indenter: Indenter, thickness: Layer, curvature: Any, tip_radius: Any, depth: Any
 ) -> tuple[Any, Any]:
-    """Return area and its derivative of a tip with the reduced profile g(x) + k x^2, k the `curvature` by the skin.
+    """Return area [m^2] and its derivative by depth [m] of a tip on a skin that adds k x^2 to its reduced profile g.
 
-    The contact radius is that of the tip at the depth u it has alone, u + k a(u)^2 = d, by Newton's method with
-    a^2 going as u^p, p = 2 (a u - A)/A, and the area is A(u) + 2/3 k a^3.
+    k is the `curvature` [1/m], `tip_radius` [m] the tip's contact radius squared over depth, which is R of a sphere. The
+    contact radius a is that of the tip alone at the depth u of its own profile, u = g(a), u + k a(u)^2 = d. The area is
+    the integral of d - g(x) - k x^2 over 0..a, A(u) + k a^3 - k a^3/3. Under a layer the factor is that of the tip at u:
+
+        d/dd [A c(u)] = a c + A c'(u) du/dd,    du/dd = 1/(1 + k d(a^2)/du)
+
+    with d(a^2)/du = p a^2/u, exact where a^2 is proportional to u^p, as of cones, paraboloids and any other power.
     """
+    # The depth u by Newton's method, from the root of a paraboloid; its slope may stay that of the start.
     u = depth / (1.0 + curvature * tip_radius)
-    power = 2.0 * (indenter.contact_radius(u) * u / indenter.profile_area(u) - 1.0)
+    power = _square_power(indenter, u)
     for _ in range(_NEWTON_STEPS):
-        square = curvature * indenter.contact_radius(u) ** 2
-        u = u - (u + square - depth) / (1.0 + square * power / u)
+        skin_depth = curvature * indenter.contact_radius(u) ** 2
+        u = u - (u + skin_depth - depth) / (1.0 + skin_depth * power / u)
     radius = indenter.contact_radius(u)
     area = indenter.profile_area(u) + 2.0 / 3.0 * curvature * radius**3
     if not isinstance(thickness, Thickness):
         return area, radius
-    factor, slope = thickness.factor(indenter, u)
-    return area * factor, radius * factor + area * slope / depth
+    factor, log_slope = thickness.factor(indenter, u)  # c and u c'(u)
+    depth_ratio = u + _square_power(indenter, u) * curvature * radius**2  # u/(du/dd)
+    return area * factor, radius * factor + area * log_slope / depth_ratio
+
+
+def _square_power(indenter: Indenter, depth: Any) -> Any:
+    """Return p of a contact radius with a^2 proportional to d^p: 2 (a d/A - 1), since A is the integral of a."""
+    return 2.0 * (indenter.contact_radius(depth) * depth / indenter.profile_area(depth) - 1.0)
 
 
 def _name(indenter: Indenter) -> str:

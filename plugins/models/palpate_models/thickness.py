@@ -164,6 +164,10 @@ class Thickness(Settings):
                     )
         return _Contact("sphere", math.sqrt(radius), 0.5, radius)
 
+    def treats_as_sphere(self, indenter: Indenter) -> bool:
+        """Return True for a tip that is a sphere, or stands for one; raises ValueError without a correction."""
+        return self._contact(indenter).shape == "sphere"
+
     def factor(self, indenter: Indenter, depth: Any) -> tuple[Any, Any]:
         """Return c(d), and d c'(d), the factor's derivative times depth."""
         if self.table is not None:

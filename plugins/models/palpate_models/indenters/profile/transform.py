@@ -42,27 +42,29 @@ def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
 
 
 def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[[Floats], Floats]:
-    """Return g(x) of a function f(r), 0 <= r <= edge, that takes complex numbers.
+    """Return the reduced profile g(x) [m] of a profile f(r) [m], 0 <= r <= edge, that takes complex numbers.
 
-    The slope is exact, by a complex step; the integral is by Gauss-Legendre on panels that restart at every kink.
+    With r = x sin(p), g(x) = x times the integral of f'(x sin p) over p from 0 to pi/2. The slope f' is exact, by a
+    complex step; the integral is by Gauss-Legendre on panels of p, each of which is divided at every kink of f.
     """
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
 
     def slope(radii: Floats) -> Floats:
         return np.broadcast_to(np.imag(profile(radii + 1j * _COMPLEX_STEP)) / _COMPLEX_STEP, radii.shape)
 
-    breaks = np.array(_kinks(slope, edge))
+    kink_radii = np.array(_kinks(slope, edge))
     panels = np.linspace(0.0, np.pi / 2, _PANELS + 1)
 
     def reduced(x: Floats) -> Floats:
-        # Panels of the angle p with r = x sin(p), cut at the kinks.
+        # Panels of the angle p, divided at the kinks; one beyond x is at pi/2, and makes a panel without width.
         with np.errstate(divide="ignore"):
-            at_breaks = np.arcsin(np.minimum(breaks / x[:, None], 1.0))
-        edges = np.sort(np.hstack([np.tile(panels, (len(x), 1)), at_breaks]), axis=1)
-        half = np.diff(edges)[:, :, None] / 2
-        angles = edges[:, :-1, None] + half * (1 + nodes)
+            kink_angles = np.arcsin(np.minimum(kink_radii / x[:, None], 1.0))
+        panel_ends = np.sort(np.hstack([np.tile(panels, (len(x), 1)), kink_angles]), axis=1)
+        half_widths = np.diff(panel_ends)[:, :, None] / 2
+        # Nodes from -1..1 on each panel.
+        angles = panel_ends[:, :-1, None] + half_widths * (1 + nodes)
         slopes = slope(x[:, None, None] * np.sin(angles))
-        return np.asarray(x * np.sum(slopes * half * weights, axis=(1, 2)), float)
+        return np.asarray(x * np.sum(slopes * half_widths * weights, axis=(1, 2)), float)
 
     return reduced
 
