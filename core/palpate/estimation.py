@@ -114,7 +114,16 @@ class Estimates:
         n, nan = len(samples), np.nan
         column, table = np.full(n, nan), np.full((n, parameters), nan)
         status = np.full(n, Status.IDLE, np.uint32)
-        return cls(samples.time, table, table.copy(), column, column.copy(), column.copy(), column.copy(), status)
+        return cls(
+            samples.time,
+            values=table,
+            std=table.copy(),
+            surface=column,
+            surface_std=column.copy(),
+            force=column.copy(),
+            nis=column.copy(),
+            status=status,
+        )
 
 
 @dataclass(frozen=True)
@@ -201,12 +210,18 @@ def track_by_step(parameters: int, step: Callable[[Moment], Belief]) -> Tracker:
 
 
 class _StepTracker:
+    """Calls a step function for each active sample; see `track_by_step`."""
+
     def __init__(self, parameters: int, step: Callable[[Moment], Belief]) -> None:
         self._parameters = parameters
         self._step = step
-        self._paused = True
+        self._paused = True  # True until the first active sample, and after every one that is not active
 
     def run(self, samples: Samples) -> Estimates:
+        """Return the estimates of a block of samples (n,); idle where a sample is not active.
+
+        The first active sample after a pause has an interval of 0.
+        """
         estimates = Estimates.idle(samples, self._parameters)
         for i in range(len(samples)):
             if not samples.active[i]:
@@ -214,11 +229,11 @@ class _StepTracker:
                 continue
             interval = 0.0 if self._paused else float(samples.interval[i])
             moment = Moment(
-                interval,
-                float(samples.force[i]),
-                float(samples.position[i]),
-                float(samples.velocity[i]),
-                self._paused,
+                interval=interval,
+                force=float(samples.force[i]),
+                position=float(samples.position[i]),
+                velocity=float(samples.velocity[i]),
+                first=self._paused,
             )
             _write(estimates, i, moment, self._step(moment))
             self._paused = False

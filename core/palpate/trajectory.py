@@ -144,10 +144,12 @@ class Resumable(Protocol):
 def setpoints_at(trajectory: Trajectory, time: Floats) -> Setpoint:
     """Return setpoints of a trajectory at times (n,) [s] since its start; read-only, since every device gets them.
 
-    Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite setpoint for each.
+    Of a setpoint, position [m], velocity [m/s], rotation vector [rad] and angular velocity [rad/s] are (n, 3),
+    `measuring` is (n,). Raises PluginError naming the trajectory if it raises, or if what it returns is not a finite
+    setpoint for each time.
     """
-    span = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
-    setpoint = answer_of(trajectory, lambda: trajectory.at(read_only_view(time)), span)
+    times_in_words = f" at {time[0]:.3f} to {time[-1]:.3f} s" if len(time) else ""
+    setpoint = answer_of(trajectory, lambda: trajectory.at(read_only_view(time)), times_in_words)
     if not isinstance(setpoint, Setpoint):
         raise PluginError(f"{_name(trajectory)}: its `at` returns {type(setpoint).__name__}, not Setpoint")
     count = len(time)

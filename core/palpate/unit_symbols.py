@@ -36,8 +36,8 @@ class Unit(NamedTuple):
 class _Base(NamedTuple):
     """A unit under one name."""
 
-    over: int  # its value in SI, as a ratio of whole numbers
-    under: int
+    numerator: int  # of its value in SI, a ratio of whole numbers
+    denominator: int
     dimensions: Mapping[str, int]
 
 
@@ -113,39 +113,44 @@ def is_one_unit(written: str) -> bool:
 
 @cache
 def read_unit(written: str) -> Unit:
-    """Return the unit of a text that has the form of one; raises UnknownUnitError.
+    """Return the unit of a text that has the form of one (`is_one_unit`).
 
-    From left to right: N/m*s is (N/m)*s. The factor is a ratio of whole numbers, rounded once, but for square roots.
+    Raises UnknownUnitError for a name that is not a unit, and for brackets that do not match. Read from left to right:
+    N/m*s is (N/m)*s. The factor is a ratio of whole numbers, rounded once, but for square roots.
 
     >>> read_unit("mm/min").factor, dict(read_unit("N/sqrt(h)").dimensions)
     (1.6666666666666667e-05, {'kg': 1.0, 'm': 1.0, 's': -2.5})
     """
-    over, under, root, dimensions = 1, 1, 1.0, dict[str, float]()
-    # The sign of the next exponent, and those before each open bracket.
-    sign, signs = 1, [1]
+    numerator, denominator, root = 1, 1, 1.0
+    dimensions = dict[str, float]()
+    # The sign of the next exponent, and a stack of the signs that hold within each open bracket; outside it is 1.
+    sign, open_signs = 1, [1]
     for name, exponent, mark in _TOKEN.findall(_SQUARE_ROOT.sub(r"\1^0.5", written)):
         if mark == "(":
-            signs.append(sign * signs[-1])
-        elif mark == ")" and len(signs) > 1:
-            signs.pop()
+            open_signs.append(sign * open_signs[-1])
+        elif mark == ")" and len(open_signs) > 1:
+            open_signs.pop()
         elif mark == ")":
             raise UnknownUnitError(written)
         if mark:
             sign = -1 if mark == "/" else 1
             continue
         # The factor to its whole power, and the root of half a power.
-        base, power = _base(name), sign * signs[-1] * float(exponent or 1)
-        up, down = (base.over, base.under) if power > 0 else (base.under, base.over)
-        whole, half = divmod(abs(power), 1.0)
-        over *= up ** int(whole)
-        under *= down ** int(whole)
-        root *= math.sqrt(up / down) if half else 1.0
-        for unit, base_power in base.dimensions.items():
-            dimensions[unit] = dimensions.get(unit, 0.0) + base_power * power
+        base, power = _base(name), sign * open_signs[-1] * float(exponent or 1)
+        factor = base.numerator, base.denominator
+        if power < 0:
+            factor = base.denominator, base.numerator
+        whole, rest = divmod(abs(power), 1.0)  # a rest is 0.5: `_TOKEN` admits no other
+        numerator *= factor[0] ** int(whole)
+        denominator *= factor[1] ** int(whole)
+        root *= math.sqrt(factor[0] / factor[1]) if rest else 1.0
+        for dimension, exponent_in_base in base.dimensions.items():
+            dimensions[dimension] = dimensions.get(dimension, 0.0) + exponent_in_base * power
         sign = 1
-    if len(signs) > 1:
+    if len(open_signs) > 1:
         raise UnknownUnitError(written)
-    return Unit(over / under * root, {unit: power for unit, power in dimensions.items() if power})
+    powers = {dimension: total for dimension, total in dimensions.items() if total}
+    return Unit(numerator / denominator * root, powers)
 
 
 def _base(name: str) -> _Base:
@@ -158,7 +163,7 @@ def _base(name: str) -> _Base:
             base = units.get(name.removeprefix(prefix)) if name.startswith(prefix) else None
             if base:
                 up, down = (10**exponent, 1) if exponent > 0 else (1, 10**-exponent)
-                return _Base(base.over * up, base.under * down, base.dimensions)
+                return _Base(base.numerator * up, base.denominator * down, base.dimensions)
     raise UnknownUnitError(name)
 
 

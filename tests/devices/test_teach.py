@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import typer
 from palpate import ConfigurationError, DeviceError, clock
+from palpate_arms.arm_by_hand import Posture
 from palpate_devices.teach.pipeline_edit import edited_text
 from palpate_devices.teach.surface_plane import SurfacePlane, check_fourth, work_frame
+from palpate_devices.teach.teach_command import _surface
 from palpate_devices.teach.tip_pivot import check_tip, pivot_of
 from palpate_engine.cli import call
 from palpate_kit.kinematics.rotations import matrix_of, rotation_matrix, rotation_vector
@@ -170,6 +172,18 @@ def test_a_frame_looks_out_of_its_plane(tilt):
     assert frame.tool[:, 2] == pytest.approx(tool[:, 2], abs=1e-9)
     assert float(np.linalg.norm(rotation_vector(frame.tool.T @ tool))) < 1e-6
     assert check_fourth(plane, points, points.mean(axis=0), 1e-4) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_place_that_rounds_to_zero_is_written_without_a_sign():
+    tip = np.eye(4)
+    tip[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    postures = []
+    for x, y in ((0.04, 0.0), (0.0, 0.04), (-0.04, 0.0), (-1e-7, -1e-7)):
+        tip[:3, 3] = x, y, 0.0
+        postures.append(Posture(tip.copy(), tip.copy()))
+    _, work = _surface(postures, 0.5e-3)
+    assert work["origin"] == ["0.00 mm"] * 3
+    assert not any(text.startswith("-0.00") for text in (*work["rotation"], work["turn"]))
 
 
 def test_points_on_a_line_and_a_fourth_beside_the_plane_are_refused():

@@ -132,20 +132,22 @@ class DerivedValue:
 def derived_values(
     model: ContactModel, parameters: Mapping[str, UncertainValue], covariance: Floats | None = None
 ) -> tuple[DerivedValue, ...]:
-    """Return the values of the material that follow from the parameters, with their scatter and settling.
+    """Return the values of the material that follow from the parameters, with their standard uncertainties.
 
-    Scatter by the `covariance` (k, k) where the estimator reports it, else as uncorrelated. A value that is a parameter
-    itself is not repeated.
+    `std` is propagated by the `covariance` (k, k) where the estimator reports it, else as of uncorrelated parameters;
+    `settling`, the uncertainty by estimates that have not come to rest, as of uncorrelated ones. A value that is a
+    parameter itself is not repeated.
     """
     estimates = [parameters[parameter.name] for parameter in model.parameters]
-    std, settling = [estimate.std for estimate in estimates], [estimate.settling for estimate in estimates]
+    stds = [estimate.std for estimate in estimates]
+    settlings = [estimate.settling for estimate in estimates]
     derived = []
-    for value in _material_values(model, [estimate.value for estimate in estimates]):
-        if value.name in parameters:
+    for material in _material_values(model, [estimate.value for estimate in estimates]):
+        if material.name in parameters:
             continue
-        scatter = _scatter(np.array(value.gradient), std, covariance)
-        uncertain = UncertainValue(value.value, scatter, value.unit, value.std(settling))
-        derived.append(DerivedValue(value.name, uncertain, value.caveat))
+        std = _propagated_std(np.array(material.gradient), stds, covariance)
+        uncertain = UncertainValue(material.value, std, material.unit, settling=material.std(settlings))
+        derived.append(DerivedValue(material.name, uncertain, material.caveat))
     return tuple(derived)
 
 
@@ -159,11 +161,14 @@ def _material_values(model: ContactModel, theta: Sequence[float]) -> Sequence[Ma
     return values
 
 
-def _scatter(gradient: Floats, std: Sequence[float], covariance: Floats | None) -> float:
-    """Return the standard deviation of a value by its gradient (k,); `std` beyond the covariance is uncorrelated."""
+def _propagated_std(gradient: Floats, stds: Sequence[float], covariance: Floats | None) -> float:
+    """Return the standard deviation of a value by its gradient (k,), from those of the parameters (k,).
+
+    The part of a parameter's variance that exceeds the covariance's diagonal is uncorrelated.
+    """
     if covariance is None:
-        return math.hypot(*(gradient * np.array(std)))
-    uncorrelated = np.maximum(np.array(std) ** 2 - np.diag(covariance), 0.0)
+        return math.hypot(*(gradient * np.array(stds)))
+    uncorrelated = np.maximum(np.array(stds) ** 2 - np.diag(covariance), 0.0)
     correlated = max(float(gradient @ covariance @ gradient), 0.0)
     return float(np.sqrt(correlated + float(gradient**2 @ uncorrelated)))
 

@@ -145,20 +145,23 @@ def pack_messages(
 
 @cache
 def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, tuple[tuple[int, int], ...]]:
-    """Return a message whose stamp and numbers are 0, and the runs of its numbers: offset [bytes] and count."""
+    """Return a message in CDR whose stamp and numbers are 0, and the runs of its numbers: offset [bytes] and count.
+
+    Without joints a header and `count` numbers. With joints a JointState: header, names, and the arrays of positions,
+    velocities and efforts, each as its length and its numbers, as many as there are joints; of efforts none.
+    """
     message = _MessageTemplate()
     message.add_text(frame)
     if not joints:
         message.add_numbers(count)
         return bytes(message.data), tuple(message.runs)
-    # JointState: names, and three arrays with their counts.
     message.add_integer(len(joints))
     for joint in joints:
         message.add_text(joint)
     for _ in ("position", "velocity"):
         message.add_integer(len(joints))
         message.add_numbers(len(joints))
-    message.add_integer(0)  # no efforts
+    message.add_integer(0)  # the length of the efforts
     return bytes(message.data), tuple(message.runs)
 
 

@@ -18,15 +18,16 @@ from palpate_filters.starting_fit import PAUSE
 PIECE = 2000  # samples, a choice (0190): stretches of a listener, which a smoother keeps or computes again
 _MAX_OFFSET = 1e-3  # [m], a choice: a touch so far along the surface shows nothing of the height here
 _WINDOW_GROWTH = 0.2  # start windows, a choice: the growth of the window after an attempt that failed
-_MAX_ATTEMPTS = 15  # a choice: patient starts, by which the window has grown fourfold
+# A choice: attempts that may ask for a longer window, which has grown fourfold then; a later one starts in any case.
+_PATIENT_ATTEMPTS = 15
 _TIME_ROUNDING = 1e-9  # [s], the resolution of time-stamps
 _IS_MARKED = 0.5  # between a mark of 0 and one of 1
 _DIVERGED = int(Status.DIVERGED)
 
 
 @dataclass(frozen=True)
-class _PausedFilter:
-    """Samples that wait for a start."""
+class _TouchPiece:
+    """Samples of one touch in one block, which wait for a start."""
 
     samples: Samples
     row: int  # of the first, in its block
@@ -62,7 +63,7 @@ class RecursiveTracker:
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         # The state after the last sample, and the samples before a start.
         self._carry = Carry(None, np.nan)
-        self._waiting: list[_PausedFilter] = []
+        self._waiting: list[_TouchPiece] = []
         self._attempts = 0
         self._active = False
         self._diverged = False
@@ -167,7 +168,9 @@ class RecursiveTracker:
         state, resumed = self._carry.state, False
         if state is None or begins:
             interval[0] = 0.0
-            begun = self.recursion.begin(self._carry, part[:1], False)
+            begun = self.recursion.begin(
+                self._carry, part[:1], False
+            )  # without patience: it has a state for any sample
             assert begun is not None
             state, resumed = begun
         outputs = self._advance(state, part, interval, settings, rows)
@@ -211,16 +214,16 @@ class RecursiveTracker:
         if begins and self._waiting and _is_elsewhere(self._waiting[-1].samples, part):
             self._waiting, self._attempts = [], 0
         held_count = sum(len(piece.samples) for piece in self._waiting)
-        self._waiting.append(_PausedFilter(part, rows.start, begins))
+        self._waiting.append(_TouchPiece(part, rows.start, begins))
         estimates.status[rows] |= np.uint32(Status.WAITING)
         start = self._try_start(Samples.joined([piece.samples for piece in self._waiting]))
         if start is None:
             return
         # The sample that completes the window is the first with an estimate.
-        state, ready = start
-        first = ready - held_count
+        state, last_row = start
+        first = last_row - held_count
         first_rows = slice(rows.start + first, rows.start + first + 1)
-        outputs = self._run_waiting(state, ready + 1, settings)
+        outputs = self._run_waiting(state, last_row + 1, settings)
         self._waiting = []
         self._write(outputs[-1:], part[first : first + 1], estimates, first_rows, unreported=outputs)
         # The samples after it.
@@ -250,24 +253,27 @@ class RecursiveTracker:
         return np.concatenate(outputs)
 
     def _try_start(self, held: Samples) -> tuple[Floats, int] | None:
-        """Return the first state and its row, as soon as a window is long and informative enough; windows grow.
+        """Return the first state and the row of the last sample it is from; None while the samples do not suffice.
 
-        The time in contact counts: touches that are each too short add up.
+        `held` are all samples that wait. The window that a start needs counts the time in contact, so that touches
+        which are each too short add up. It grows by a fifth of its first length after every attempt that fails.
         """
         # The time in contact, without the way from one touch to the next.
-        lengths = np.cumsum([len(piece.samples) for piece in self._waiting])
-        elapsed = held.time - held.time[0]
-        for row, piece in zip(lengths[:-1].tolist(), self._waiting[1:], strict=True):
+        piece_ends = np.cumsum([len(piece.samples) for piece in self._waiting])
+        time_in_contact = held.time - held.time[0]
+        for row, piece in zip(piece_ends[:-1].tolist(), self._waiting[1:], strict=True):
             if piece.starts_touch:
-                elapsed[row:] -= held.time[row] - held.time[row - 1]
+                time_in_contact[row:] -= held.time[row] - held.time[row - 1]
         while True:
-            due = self.opening.window * (1.0 + _WINDOW_GROWTH * self._attempts)
-            ready = int(np.searchsorted(elapsed, due - _TIME_ROUNDING))
-            if ready >= len(held):
+            window = self.opening.window * (1.0 + _WINDOW_GROWTH * self._attempts)
+            last_row = int(np.searchsorted(time_in_contact, window - _TIME_ROUNDING))
+            if last_row >= len(held):
                 return None
-            begun = self.recursion.begin(self._carry, held[: ready + 1], self._attempts < _MAX_ATTEMPTS)
+            is_patient = self._attempts < _PATIENT_ATTEMPTS
+            begun = self.recursion.begin(self._carry, held[: last_row + 1], is_patient)
             if begun is not None:
-                return begun[0], ready
+                state, _ = begun  # a first start resumes nothing
+                return state, last_row
             self._attempts += 1
 
     def _write(

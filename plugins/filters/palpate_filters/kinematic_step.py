@@ -250,19 +250,21 @@ def _update_force(
 
 
 def _state_with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any) -> Any:
-    """Return the state that is expected should the bias be another one: the mean moved by cov(x, b)/var(b).
+    """Return the state x (n,) that a Gaussian estimate expects for a given force bias b [N]: E[x | b].
 
-    Bias, surface and stiffness trade against each other along a line in the state that the force hardly sees. Were the
-    force linearised wherever the mean wanders on that line, the slopes would seem to show how far along it the truth
-    is, and the filter grow certain of what it did not measure (as observability-constrained filters avoid: Huang,
-    Mourikis and Roumeliotis 2010). At one and the same bias they do not.
+        E[x | b] = mean + cov(x, b)/var(b) (b - mean of b)
+
+    The force is linearised there, at the bias with which the filter started (`_next_centre`). Along one line in the
+    state, bias, surface and stiffness change together and the force hardly does. Slopes taken at a mean that wanders
+    along this line would seem to measure the position on it, and the filter would become certain of what no reading
+    shows; slopes at a fixed bias do not (observability constraint: Huang, Mourikis and Roumeliotis 2010).
     """
     import casadi as ca
 
     row = process.layout.at("bias")
     variance = ca.fmax(covariance[row, row], SMALLEST_VARIANCE)
     shift = covariance[:, row] * ((bias - mean[row]) / variance)
-    shift[process.motion] = 0
+    shift[process.motion] = 0  # height, velocity and acceleration are measured, and not on that line
     shift[row] = bias - mean[row]
     return mean + shift
 

@@ -11,7 +11,6 @@ from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import FitRecord
 from palpate_fits.residual import Residual
 from palpate_fits.solvers import descend
-from palpate_fits.uncertainty import ResidualScatter
 from palpate_fits.unknowns import Unknowns
 
 _BLOCK_TIMES = 10.0  # correlation times of a block, beyond which residuals are independent (choice)
@@ -24,29 +23,32 @@ def block_bootstrap(
     record: FitRecord,
     x: Floats,
     loss: LossFunction,
-    residual_scatter: ResidualScatter,
+    correlation_time: float,
     repeats: int,
     seed: int,
     confidence: float,
 ) -> dict[str, Any]:
     """Return standard deviation and percentile interval of each free unknown over refits, as ``result.json`` has them.
 
-    Each refit is of the model's force less residuals that are drawn in circular blocks (Politis and Romano 1992).
+    x (P,) is the minimum, the correlation time that of its residuals [samples]. Each refit is of the model's force less
+    residuals that are drawn in circular blocks (Politis and Romano 1992). A refit that has not converged counts with
+    the values at which it ended.
     """
     random = np.random.default_rng(seed)
-    error = residual.whole(record, x)[0]
     used = np.flatnonzero(record.used)
-    expected = record.force.copy()
-    expected[used] += error[used] / record.weight[used]
-    centred = error[used] / record.weight[used]
-    centred = centred - centred.mean()
-    n, length = len(centred), _block_length(len(centred), residual_scatter.correlation_time)
+    # Model less measured force [N], and the force of the model; the residual of a fit has the weights of the samples.
+    error = residual.whole(record, x)[0][used] / record.weight[used]
+    model_force = record.force.copy()
+    model_force[used] += error
+    centred = error - error.mean()
+    n = len(centred)
+    length = _block_length(n, correlation_time)
     estimates = np.empty((repeats, len(residual.free)))
     for repeat in range(repeats):
         # Blocks from random starts, around the end of the record, as many as give n residuals.
         starts = random.integers(0, n, -(-n // length))
         rows = (starts[:, None] + np.arange(length)).ravel()[:n] % n
-        force = expected.copy()
+        force = model_force.copy()
         force[used] -= centred[rows]
         solution = descend(residual, unknowns, record.with_force(force), x, loss)
         estimates[repeat] = solution.x[list(residual.free)]

@@ -50,24 +50,24 @@ def fit(
     model: ModelOption = None,
     force: ForceOption = None,
     position: PositionOption = None,
-    lateral: LateralOption = None,
+    lateral: LateralOption = None,  # column or columns of the place along the skin
     time: TimeOption = None,
-    rate: RateOption = None,
-    curve: CurveOption = None,
+    rate: RateOption = None,  # of readings without times
+    curve: CurveOption = None,  # name of the one record to fit, of a file of several
     out: OutOption = None,
     overrides: Overrides = None,
-    scheduler: SchedulerOption = None,
-    stage: StageOption = None,
+    scheduler: SchedulerOption = None,  # address of the dask scheduler whose workers do the fits
+    stage: StageOption = None,  # URL that inputs and runs pass through where these share no folder
     pictures: PicturesOption = True,
     as_json: JsonOption = False,
     details: DetailsOption = False,
-    layout: FormatOption = "table",
-    each: EachOption = False,
-    by: ByOption = None,
+    layout: FormatOption = "table",  # set for all tables by the option's callback
+    each: EachOption = False,  # one curve a file, and one row of fits.csv a curve
+    by: ByOption = None,  # groups, or with --each the channel whose changes divide a file into curves
     jobs: JobsOption = None,
     where: WhereOption = None,
     unset: UnsetOption = None,
-    groups: GroupsOption = None,
+    groups: GroupsOption = None,  # table of a folder of fits by which its curves are grouped
     no_refit: NoRefitOption = False,
 ) -> None:
     """Fit every offline track to every log: elasticity, viscosity and a verdict for each.
@@ -75,14 +75,31 @@ def fit(
     A folder that --each or --tip has made is continued: what has changed since is fitted again. There, --set, --tip
     and --model change the settings of all curves, and --set with --where those of some.
     """
-    roles = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
-    choices = {role: text for role, text in roles.items() if text is not None}
+    columns = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
     _fit(
         FitRequest(
-            tuple(sources), pipeline, tuple(overrides or ()), tip, model, choices, out, scheduler, stage, pictures,
-            as_json, details, each, by, jobs, where, tuple(unset or ()), groups, not no_refit, curve,
+            sources=tuple(sources),
+            pipeline=pipeline,
+            overrides=tuple(overrides or ()),
+            tip=tip,
+            model=model,
+            choices={role: column for role, column in columns.items() if column is not None},
+            out=out,
+            scheduler=scheduler,
+            stage=stage,
+            pictures=pictures,
+            as_json=as_json,
+            details=details,
+            each=each,
+            by=by,
+            jobs=jobs,
+            where=where,
+            unset=tuple(unset or ()),
+            groups=groups,
+            fitting=not no_refit,
+            curve=curve,
         )
-    )  # fmt: skip
+    )
 
 
 def _fit(asked: FitRequest) -> None:

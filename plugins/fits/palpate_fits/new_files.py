@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,35 +40,42 @@ _OF_RECORD = ("tare", "tare_duration")  # keys of the alignment that a record su
 
 
 def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
-    """List the new files in the folder of the curves, each in its dialect.
+    """Append the new files of the curves' folder to the list of a folder of fits, each in its dialect.
 
-    Return their names, and why the others cannot be read. Raises UserError for a folder that is damaged.
+    Return the names of the curves that were added, and for each of the others the reason why it cannot be read. Raises
+    UserError for a folder of fits that is damaged.
     """
     folder = FitFolder(path)
     place = folder.curves_folder
     if place is None or not place.is_dir():
         return [], {}
-    part_registry = registry.load()
+    kinds_of_parts = registry.load()
     listed = {(curve.file, curve.record) for curve in folder.curves()}
     prefix = _prefix(folder, place)
     added: list[str] = []
     refused: dict[str, str] = {}
-    # Each file or record that the folder does not list, under its name as seen from there.
-    for part in (part for log in logs_among([place], part_registry) for part in specimens_of(log, part_registry)):
-        if (str(part.path), part.part) in listed:
+    # Each file, or record of a file, that the folder does not list; its name is relative to the curves' folder.
+    for record in _records_below(place, kinds_of_parts):
+        if (str(record.path), record.part) in listed:
             continue
-        name = f"{prefix}{LogPart(part.path.relative_to(place), part.part)}"
-        curve = Curve(name, str(part.path), record=part.part)
+        name = f"{prefix}{LogPart(record.path.relative_to(place), record.part)}"
+        curve = Curve(name, str(record.path), record=record.part)
         facts = file_facts([place], [curve], StatedFacts(RigFacts(), path / RIG))
         try:
-            dialect = _dialect(folder, part, facts.of(name).facts, part_registry)
+            dialect = _dialect(folder, record, facts.of(name).facts, kinds_of_parts)
         except UserError as error:
-            refused[name] = str(error).removeprefix(f"{part.path}: ")
+            refused[name] = str(error).removeprefix(f"{record.path}: ")
             continue
         add_curves(path, [curve], dialect, facts.cells, place)
-        folder = FitFolder(path)
         added.append(name)
+        folder = FitFolder(path)  # read again: the dialect of the next curve may be one that this one has brought
     return added, refused
+
+
+def _records_below(place: Path, kinds_of_parts: Registry) -> Iterator[LogPart]:
+    """Yield each record of each log in a folder."""
+    for log in logs_among([place], kinds_of_parts):
+        yield from specimens_of(log, kinds_of_parts)
 
 
 def _prefix(folder: FitFolder, place: Path) -> str:

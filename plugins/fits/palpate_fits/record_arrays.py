@@ -26,9 +26,9 @@ _MIN_TRAVEL = 1e-12  # [m], in place of a tip that does not move: below any reso
 class FitRecord:
     """The samples of a fit, each (n,), and what a model with memory needs to know of the sample before."""
 
-    height: Floats  # [m]
-    rate: Floats  # [m/s]
-    acceleration: Floats  # [m/s^2]
+    height: Floats  # [m] of the tip
+    rate: Floats  # [m/s] of the depth: positive where the height falls
+    acceleration: Floats  # [m/s^2] of the depth
     force: Floats  # [N]
     time: Floats  # [s] from the middle
     weight: Floats  # square root of that in the sum of squares; 0 for samples that serve as history alone
@@ -74,7 +74,16 @@ class FitRecord:
         history = None if self.history is None else self.history[rows]
         height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
         return FitRecord(
-            height, rate, acceleration, force, time, weight, self.transition, history, self.window, self.rate_noise
+            height,
+            rate,
+            acceleration,
+            force,
+            time,
+            weight,
+            transition=self.transition,
+            history=history,
+            window=self.window,
+            rate_noise=self.rate_noise,
         )
 
     def with_force(self, force: Floats) -> FitRecord:

@@ -151,9 +151,16 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
     }
     if fit.settings.bootstrap:
         details["bootstrap"] = block_bootstrap(
-            fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss, scatter, fit.settings.bootstrap,
-            fit.settings.seed, fit.settings.confidence,
-        )  # fmt: skip
+            fit.residual,
+            fit.unknowns,
+            fit.record,
+            fit.solution.x,
+            fit.loss,
+            correlation_time=scatter.correlation_time,
+            repeats=fit.settings.bootstrap,
+            seed=fit.settings.seed,
+            confidence=fit.settings.confidence,
+        )
     return details
 
 

@@ -37,22 +37,23 @@ def smooth_depth(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
 def reading(
     model: ContactModel, parameters: Sequence[Any], row: Sequence[Any], transition: Any, memory: Any = ()
 ) -> Any:
-    """Return the expected reading of the sensor [N]: F(d, d') + m d'' + bias + slope t, of the motion `delay` earlier.
+    """Return the expected reading of the sensor [N]: F(d, d') at t - tau, plus m d'' + bias + slope t at t.
 
-    `parameters` are the model's, then surface, bias, slope, tip mass, delay; `row` begins with height, rate,
-    acceleration, force, time. The motion at t - tau is d - tau d' + tau^2/2 d''.
+    `parameters` are the model's theta, then `EXTRAS`: surface [m], bias [N], slope [N/s], tip mass m [kg], delay tau
+    [s]. `row` begins with `PARTS`: the height [m] of the tip, rate d' [m/s] and acceleration d'' [m/s^2] of the depth
+    d = surface - height, force [N] and time t [s]. The depth at t - tau is d - tau d' + tau^2/2 d''. The `transition`
+    is the length eps [m] over which contact sets in (`smooth_depth`), `memory` holds the internal states of a model.
     """
     theta, (surface, bias, slope, mass, delay) = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS) :]
     height, rate, acceleration, _, time = row[: PARTS.index("time") + 1]
     depth = surface - height - delay * rate + 0.5 * delay * delay * acceleration
     delayed_rate = rate - delay * acceleration
-    smooth, smooth_rate = smooth_depth(depth, delayed_rate, transition)
-    if model.adhesive:  # it pulls below depth 0 and lets go at once, which has no gradual form
+    if model.adhesive:  # an adhesive contact pulls below depth 0 and breaks at once, which has no gradual form
         force = contact_force(model, depth, delayed_rate, theta)
-    elif len(memory):
-        force = model.force(smooth, smooth_rate, theta, memory)
     else:
-        force = model.force(smooth, smooth_rate, theta)
+        contact_depth, contact_rate = smooth_depth(depth, delayed_rate, transition)
+        states = (memory,) if len(memory) else ()
+        force = model.force(contact_depth, contact_rate, theta, *states)
     return force + mass * acceleration + bias + slope * time
 
 

@@ -64,21 +64,22 @@ def _asked(
 def ask_of_files(stated: StatedFacts, questions: Mapping[str, FileQuestion], ask: Ask) -> StatedFacts:
     """Return the facts with the answers of a person to questions on files, each put once for all files that have it.
 
-    Those without which files cannot be read come first, then those of the most files.
+    Questions that a file cannot be read without come first, then those of the most files.
     """
     file_names: dict[FileQuestion, list[str]] = {}
     for file, question in questions.items():
         file_names.setdefault(question, []).append(Path(file).name)
     answered: set[tuple[str, str]] = set()
     for question, names in sorted(file_names.items(), key=lambda item: (not item[0].needed, -len(item[1]))):
-        if (question.key, question.name) in answered:  # one column of two dialects, which mean it in different units
+        # Two dialects may ask of one column with different guesses; the facts have one answer for both.
+        if (question.key, question.name) in answered:
             continue
         answered.add((question.key, question.name))
         more_files = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        consequence = "not known"  # of no answer
+        without_answer = "not known"
         if question.needed:
-            consequence = "they are not read" if more_files else "it is not read"
-        default = question.guess or consequence
+            without_answer = "they are not read" if more_files else "it is not read"
+        default = question.guess or without_answer
         text = f"{names[0]}{more_files}: {question.text}. Which is it? [Enter: {default}]"
         stated = _asked(stated, text, partial(_answered, stated, question), ask, question.guess)
     return stated

@@ -32,7 +32,8 @@ _DIFFERENCE_STEP = 1e-5  # of an unknown, for derivatives
 _BOUND_MARGIN = 1e-6  # by which the start is inside the bounds
 _MIN_PARAMETER, _MAX_PARAMETER = 1e-12, 1e15  # [SI], since the logarithm of a value is an unknown
 _MIN_DEPTH = 1e-12  # [m], in place of 0
-_SMALLEST = 1e-300  # in a quotient or a logarithm, in place of 0: near the smallest double
+_SMALLEST = 1e-300  # [N] or [N^2], in a quotient or a logarithm in place of 0: near the smallest double
+_EXPECTED_NIS = 1.0  # of a fit, which has no innovations: the mean where model and noise are right
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class _SmoothPress:
 class _TingUncertainty:
     """Scatter of the residuals of a fit, and the uncertainties that follow."""
 
+    samples: int
     rss: float  # [N^2]
     autocorrelation: float  # of neighbours
     effective_samples: float
@@ -89,7 +91,7 @@ class TingTracker:
         is_early = samples.time < samples.time[touching[-1]] + _AIR_DURATION
         rows = is_known & is_late & is_early
         try:
-            return self._estimates(samples, rows, idle, self._solve(samples, rows))
+            return self._fitted_estimates(samples, rows, self._solve(samples, rows))
         except ValueError as error:
             return replace(idle, flags=(Flag("not-fitted", str(error)),))
 
@@ -164,37 +166,55 @@ class TingTracker:
                     x[i] += math.log(scale)
         return np.asarray(x[: count + 1])
 
-    def _estimates(
-        self, samples: Samples, rows: NDArray[np.bool_], idle: Estimates, solution: _TingSolution
-    ) -> Estimates:
-        """Return the estimates, flags and report of a converged fit."""
+    def _fitted_estimates(self, samples: Samples, rows: NDArray[np.bool_], solution: _TingSolution) -> Estimates:
+        """Return the estimates, flags and report of a converged fit: constant in the rows (n,), idle elsewhere."""
         theta, jacobian = solution.theta, solution.jacobian
-        order = places_in_order(self._problem.model, theta)
+        # Arms that may change places, in the order of their times; a fixed parameter keeps its place.
         if self._free.all():
+            order = places_in_order(self._problem.model, theta)
             theta = theta[order]
-            jacobian = jacobian[:, [*order, len(order)]]
-        residual, n, count = solution.residual, len(solution.residual), int(self._free.sum())
+            jacobian = jacobian[:, [*order, len(order)]]  # the last column is of the surface
         uncertainty = self._uncertainty(solution, theta, jacobian)
-        std, surface_std = uncertainty.std, uncertainty.surface_std
-        idle.values[rows], idle.std[rows] = theta, std
-        idle.surface[rows], idle.surface_std[rows] = solution.surface, surface_std
-        idle.force[rows] = samples.force[rows] + residual
-        idle.nis[rows], idle.status[rows] = 1.0, 0
-        idle.innovation[rows] = -residual / max(math.sqrt(uncertainty.variance), _SMALLEST)
 
-        # Evidence, the surface and the noise being parameters as well.
-        unknowns = {
-            p.name: Unknown(float(theta[i]), p.unit, bool(self._free[i]), float(std[i]), float(std[i]))
-            for i, p in enumerate(self._problem.model.parameters)
-        }
-        unknowns["surface"] = Unknown(solution.surface, "m", True, surface_std, surface_std)
-        rss = uncertainty.rss
-        bic = n * math.log(max(rss / n, _SMALLEST)) + (count + 2) * math.log(n)
-        report = FitReport(
-            rss, n, unknowns, aic=bic + (count + 2) * (2 - math.log(n)), bic=bic, basis="ting",
-            autocorrelation=uncertainty.autocorrelation, effective_samples=uncertainty.effective_samples,
-        )  # fmt: skip
-        return replace(idle, report=report, flags=tuple(self._flags(theta, std, uncertainty.correlation)))
+        estimates = Estimates.idle(samples, len(theta))
+        estimates.values[rows] = theta
+        estimates.std[rows] = uncertainty.std
+        estimates.surface[rows] = solution.surface
+        estimates.surface_std[rows] = uncertainty.surface_std
+        estimates.force[rows] = samples.force[rows] + solution.residual
+        estimates.nis[rows] = _EXPECTED_NIS
+        estimates.status[rows] = 0  # neither idle nor any other state
+        noise = max(math.sqrt(uncertainty.variance), _SMALLEST)
+        estimates.innovation[rows] = -solution.residual / noise
+        flags = tuple(self._flags(theta, uncertainty.std, uncertainty.correlation))
+        return replace(estimates, report=self._report(solution.surface, theta, uncertainty), flags=flags)
+
+    def _report(self, surface: float, theta: Floats, uncertainty: _TingUncertainty) -> FitReport:
+        """Return the report of a fit with the parameters (k,).
+
+        BIC = n ln(rss/n) + k ln n and AIC = n ln(rss/n) + 2 k, k being the free parameters, the surface and the noise.
+        """
+        unknowns = {}
+        for i, parameter in enumerate(self._problem.model.parameters):
+            std = float(uncertainty.std[i])
+            unknowns[parameter.name] = Unknown(
+                float(theta[i]), parameter.unit, free=bool(self._free[i]), std=std, random=std
+            )
+        unknowns["surface"] = Unknown(
+            surface, "m", free=True, std=uncertainty.surface_std, random=uncertainty.surface_std
+        )
+        n, count = uncertainty.samples, int(self._free.sum()) + 2
+        bic = n * math.log(max(uncertainty.rss / n, _SMALLEST)) + count * math.log(n)
+        return FitReport(
+            uncertainty.rss,
+            n,
+            unknowns,
+            aic=bic + count * (2 - math.log(n)),
+            bic=bic,
+            basis="ting",
+            autocorrelation=uncertainty.autocorrelation,
+            effective_samples=uncertainty.effective_samples,
+        )
 
     def _uncertainty(self, solution: _TingSolution, theta: Floats, jacobian: Floats) -> _TingUncertainty:
         """Return the uncertainties of parameters (k,), by the residual and its slopes (n, p + 1).
@@ -218,7 +238,16 @@ class TingTracker:
         std[self._free] = theta[self._free] * np.expm1(_QUANTILE * log_std[:count]) / _QUANTILE
         correlation = covariance[:count, :count] / np.outer(log_std, log_std)[:count, :count]
         surface_std = float(solution.surface_unit * log_std[count])
-        return _TingUncertainty(rss, autocorrelation, effective_samples, variance, std, surface_std, correlation)
+        return _TingUncertainty(
+            samples=n,
+            rss=rss,
+            autocorrelation=autocorrelation,
+            effective_samples=effective_samples,
+            variance=variance,
+            std=std,
+            surface_std=surface_std,
+            correlation=correlation,
+        )
 
     def _flags(self, theta: Floats, std: Floats, correlation: Floats) -> Iterator[Flag]:
         """Yield the flags of parameters, and pairs of them, that the record does not determine."""

@@ -46,7 +46,7 @@ from palpate_fits.uncertainty import scatter
 from palpate_fits.unknowns import Unknowns, at_physical_bounds
 
 # Choices.
-_AIR_SHARE = 0.1  # of the samples, from which on those in air determine the bias
+_AIR_SHARE = 0.1  # of the fitted samples, above which those in air determine the bias
 _THINNED_SAMPLES = 1000  # of a first fit, which the whole record needs few steps from
 _THINNED_GAIN = 1e-9  # of the cost, below which a step of the first fit is its last one
 _NO_GAIN = 1e-9  # of the cost: sqrt(10 000 * 1e-9) = 0.003 standard deviations from the minimum of 10 000 samples
@@ -127,9 +127,24 @@ class FitTracker:
         if loss.kind == "linear":
             solution = correct_attenuation(residual, record, unknowns, solution)
         return FitOutcome(
-            settings, self._problem, samples, rows, course, motion, by_force, self._sources, unknowns, linear,
-            record, residual, solution, solver, loss, tuple(notes), begins_in_contact,
-        )  # fmt: skip
+            settings=settings,
+            problem=self._problem,
+            samples=samples,
+            rows=rows,
+            course=course,
+            motion=motion,
+            by_force=by_force,
+            sources=self._sources,
+            unknowns=unknowns,
+            linear=linear,
+            record=record,
+            residual=residual,
+            solution=solution,
+            solver=solver,
+            loss=loss,
+            notes=tuple(notes),
+            begins_in_contact=begins_in_contact,
+        )
 
     def _minimum(
         self, unknowns: Unknowns, record: FitRecord, residual: Residual, x: Floats, loss: LossFunction
@@ -198,14 +213,17 @@ class FitTracker:
     ) -> Unknowns:
         """Return the unknowns with what the record determines: bias and surface, as the settings leave them open.
 
-        The bias is free where more than a tenth of the fitted samples are in air, or the record begins in contact and
-        nobody states a zero. Raises NotFitted where the contact point's method finds none.
+        Where the settings leave the zero of the force to the record (`_may_find_zero`), the bias is free if more than a
+        tenth of the fitted samples (`rows`) are in air, or the record begins in contact and nobody states a zero. The
+        surface is fixed at the contact point of a method; free, it has a lower bound by `force_uncertainty`, where that
+        is stated (`_constrained`, which appends to the notes). Raises NotFitted where the method finds no contact
+        point, or that bound contradicts others.
         """
         settings, unknowns = self._settings, self._unknowns
-        if self._may_find_zero and self._problem.force_zero == "open" and samples.contact[0]:
-            unknowns = self._biased
-        air = int(np.count_nonzero(rows & ~samples.contact))
-        if self._may_find_zero and air > _AIR_SHARE * np.count_nonzero(rows):
+        in_air = int(np.count_nonzero(rows & ~samples.contact))
+        has_enough_air = in_air > _AIR_SHARE * np.count_nonzero(rows)
+        is_zero_unknown = self._problem.force_zero == "open" and bool(samples.contact[0])
+        if self._may_find_zero and (has_enough_air or is_zero_unknown):
             unknowns = self._biased
         if settings.contact_point != "free":
             if settings.contact_point not in by_force.points:

@@ -167,9 +167,9 @@ def _curved_contact(
 ) -> tuple[Any, Any]:
     """Return area [m^2] and its derivative by depth [m] of a tip on a skin that adds k x^2 to its reduced profile g.
 
-    k is the `curvature` [1/m], `tip_radius` [m] the tip's contact radius squared over depth, which is R of a sphere. The
-    contact radius a is that of the tip alone at the depth u of its own profile, u = g(a), u + k a(u)^2 = d. The area is
-    the integral of d - g(x) - k x^2 over 0..a, A(u) + k a^3 - k a^3/3. Under a layer the factor is that of the tip at u:
+    k is the `curvature` [1/m], `tip_radius` [m] the tip's contact radius squared over depth, which is R of a sphere.
+    The contact radius a is that of the tip alone at the depth u of its own profile, u = g(a), u + k a(u)^2 = d. The
+    area is the integral of d - g(x) - k x^2 over 0..a: A(u) + k a^3 - k a^3/3. A layer has the tip's factor at u:
 
         d/dd [A c(u)] = a c + A c'(u) du/dd,    du/dd = 1/(1 + k d(a^2)/du)
 

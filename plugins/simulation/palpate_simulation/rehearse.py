@@ -201,7 +201,7 @@ def _limits(truth: ArmTruth, limits: SafetySettings) -> Table:
         ),
         ("force on the skin", "N", 1.0, truth.force, limits.force, limits.force - truth.force),
     ]
-    rows = [(what, *(f"{scale * value + 0.0:.2f} {unit}" for value in values)) for what, unit, scale, *values in ranges]
+    rows = [(what, *(f"{scale * value:z.2f} {unit}" for value in values)) for what, unit, scale, *values in ranges]
     # [safety] limits the acceleration of the motion; a stop brakes as hard as the robot can.
     rows.append(("acceleration", f"{truth.acceleration:.2f} m/s^2", f"{limits.acceleration:.2f} m/s^2 in motion", ""))
     title = "What the arm did" + ("; it still moves" if truth.moving else "")

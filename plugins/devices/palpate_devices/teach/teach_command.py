@@ -103,14 +103,14 @@ def _findings(
 def _payload(postures: Sequence[Posture]) -> dict[str, Any]:
     """Return the payload and its centre as settings, weighed in some postures, and print them."""
     load = weigh_flange(postures)
-    centre = ", ".join(f"{_MM * x + 0.0:.0f}" for x in load.centre)  # adding 0 makes -0 a 0
+    centre = ", ".join(f"{_MM * x:z.0f}" for x in load.centre)
     _say(
         f"payload: {_GRAMS * load.mass:.0f} g +- {_GRAMS * load.mass_std:.0f} g, its centre at ({centre}) mm +- "
         f"{_MM * load.centre_std:.0f} mm on the flange; set the pendant's to that as well: freedrive depends on it"
     )
     return {
         "payload": f"{_GRAMS * load.mass:.0f} g",
-        "payload_centre": [f"{_MM * x + 0.0:.0f} mm" for x in load.centre.tolist()],
+        "payload_centre": [f"{_MM * x:z.0f} mm" for x in load.centre.tolist()],
     }
 
 
@@ -128,27 +128,29 @@ def _tip(postures: Sequence[Posture], reader: HandReader, radius: float) -> dict
 def _surface(postures: Sequence[Posture], tolerance: float) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the checks of a touched surface, and its work frame as settings; print the checks.
 
-    The last of the four postures is the origin; a point may be the tolerance [m] off the plane of the others.
+    The last of the four postures is the origin; its point may be the tolerance [m] off the plane of the other three.
     """
     import numpy as np
 
     points = np.array([posture.tip[:3, 3] for posture in postures])
-    tool = postures[-1].tip[:3, :3]
-    plane = SurfacePlane.through(points[:3], -tool[:, 2])
-    height = check_fourth(plane, points[:3], points[3], tolerance)
-    frame, tool_angle = work_frame(plane, points[3], tool)
+    tool_rotation = postures[-1].tip[:3, :3]
+    plane = SurfacePlane.through(points[:3], -tool_rotation[:, 2])
+    distance = check_fourth(plane, points[:3], points[3], tolerance)
+    frame, tool_angle = work_frame(plane, points[3], tool_rotation)
     _say(
-        f"surface: the fourth point is {_MM * height:+.2f} mm off the plane; the tool "
+        f"surface: the fourth point is {_MM * distance:+.2f} mm off the plane; the tool "
         f"{math.degrees(tool_angle):.1f} deg off its normal"
     )
     if tool_angle > _MAX_TOOL_ANGLE:
-        _say("  turn the tool nearer to the normal before a run: [safety] orientation is 5 deg unless it is stated")
+        limit = f"{math.degrees(_MAX_TOOL_ANGLE):g} deg"
+        _say(f"  turn the tool nearer to the normal before a run: [safety] orientation is {limit} unless it is stated")
+    # 10 um and 0.001 deg, finer than any arm repeats; z prints a rounded -0 as 0.
     work = {
-        "origin": [f"{_MM * x + 0.0:.2f} mm" for x in frame.origin],
-        "rotation": [f"{math.degrees(x) + 0.0:.3f} deg" for x in frame.rotation],
-        "turn": f"{math.degrees(frame.turn) + 0.0:.2f} deg",
+        "origin": [f"{_MM * x:z.2f} mm" for x in frame.origin],
+        "rotation": [f"{math.degrees(x):z.3f} deg" for x in frame.rotation],
+        "turn": f"{math.degrees(frame.turn):z.2f} deg",
     }
-    return {"fourth_point": height, "tool_off": tool_angle}, work
+    return {"fourth_point": distance, "tool_off": tool_angle}, work
 
 
 def _read(reader: HandReader, step: str, places: Sequence[str]) -> list[Posture]:

@@ -74,7 +74,7 @@ def check_tip(pivot: Pivot, tool: Floats, radius: float) -> float:
     distance = float(np.linalg.norm(pivot.place - centre))
     if distance > _MAX_DISTANCE:
         tip = pivot.place + radius * tool[:3, 2]
-        tcp = ", ".join(f'"{_MM * x + 0.0:.1f} mm"' for x in tip)
+        tcp = ", ".join(f'"{_MM * x:z.1f} mm"' for x in tip)
         raise ConfigurationError(
             f"the tool turned about a point {_MM * distance:.1f} mm from where tcp has the tip, over "
             f"{_MM * _MAX_DISTANCE:g} mm: tcp = [{tcp}] would agree; set it in the pipeline and on the pendant"

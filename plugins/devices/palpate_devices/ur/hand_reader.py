@@ -99,4 +99,4 @@ class URByHand:
 
 def _mm(place: Floats) -> str:
     """Return a place (3,) [m] in words, in mm; adding 0 makes -0 a 0."""
-    return f"({', '.join(f'{_MM * x + 0.0:.1f}' for x in place)}) mm"
+    return f"({', '.join(f'{_MM * x:z.1f}' for x in place)}) mm"

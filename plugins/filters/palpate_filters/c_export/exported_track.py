@@ -18,6 +18,7 @@ from palpate_filters.process_models import InertialProcess, KinematicProcess
 from palpate_filters.recursion import Recursion, output_layout
 from palpate_filters.step_limits import FIT_SPREAD
 
+_NOISE_AS_STATED = None  # in place of a measured standard deviation of force or velocity
 _NOISES = (
     ("force_std", "[N] standard deviation of the force"),
     ("position_std", "[m] of the position"),
@@ -112,15 +113,18 @@ def _kinematic(
 ) -> ExportedTrack:
     """Return a kinematic filter for C: the settings of its step, those of its start, its layouts."""
     process = kinematic_process(settings, problem)
-    numbers = tracker.recursion.settings(None, None)
+    step_settings = tracker.recursion.settings(_NOISE_AS_STATED, _NOISE_AS_STATED)
     k = len(problem.model.parameters)
-    rows = Layout(noises=len(_NOISES), depth=1, chart=k, depth_std=1, chart_std=k)
+    places = Layout(noises=len(_NOISES), depth=1, chart=k, depth_std=1, chart_std=k)
     step = (
-        *(SettingGroup(name, meaning, (number,)) for (name, meaning), number in zip(_NOISES, numbers, strict=False)),
-        _setting("depth", "[m] of a restart", numbers, rows),
-        _setting("chart", "logarithms of the parameters of a restart", numbers, rows),
-        _setting("depth_std", "[m] its standard deviation", numbers, rows),
-        _setting("chart_std", "their standard deviations", numbers, rows),
+        *(
+            SettingGroup(name, meaning, (number,))
+            for (name, meaning), number in zip(_NOISES, step_settings, strict=False)
+        ),
+        _setting("depth", "[m] of a restart", step_settings, places),
+        _setting("chart", "logarithms of the parameters of a restart", step_settings, places),
+        _setting("depth_std", "[m] its standard deviation", step_settings, places),
+        _setting("chart_std", "their standard deviations", step_settings, places),
     )
     start = [
         _single("start_depth", "[m] first guess of the depth, where the fit fails", settings.start_depth),
@@ -141,63 +145,68 @@ def _kinematic(
             _single("drift_walk", "[N/sqrt(s)] its random walk", settings.drift_walk),
         ]
     return ExportedTrack(
-        "kinematic",
-        problem.model,
-        tracker.recursion,
-        process.layout,
-        kinematic_step.state_layout(process),
-        "chart",
-        process.mass,
-        tracker.opening.window,
-        tracker.opening.standstill,
-        tracker.opening.measure_noise,
-        fitted,
-        step,
-        tuple(start),
-        FIT_SPREAD,
-        kinematic_start.ACCELERATION_STD,
+        kind="kinematic",
+        model=problem.model,
+        recursion=tracker.recursion,
+        state=process.layout,
+        carried=kinematic_step.state_layout(process),
+        parameters="chart",
+        mass=process.mass,
+        window=tracker.opening.window,
+        standstill=tracker.opening.standstill,
+        measures_noise=tracker.opening.measure_noise,
+        fitted=fitted,
+        step=step,
+        start=tuple(start),
+        fit_spread=FIT_SPREAD,
+        acceleration_std=kinematic_start.ACCELERATION_STD,
     )
 
 
 def _inertial(
     settings: InertialFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
 ) -> ExportedTrack:
-    """Return a filter on the inertial process for C: the settings of its step, its guess, its layouts."""
+    """Return a filter on the inertial process for C: the settings of its step, its guess, its layouts.
+
+    `fitted` are the places of the parameters that the starting fit finds, since the force is proportional to them.
+    """
     process = InertialProcess(problem.model, inertial_filter.moved_mass(problem), settings.order)
-    numbers = tracker.recursion.settings(None, None)
+    # The numbers of a step's settings in one array, and the places of each group in it.
+    step_settings = tracker.recursion.settings(_NOISE_AS_STATED, _NOISE_AS_STATED)
     n = process.states
-    rows = Layout(force_std=1, velocity_std=1, fading=4, cap=n, start=n, start_std=n)
+    places = Layout(force_std=1, velocity_std=1, fading=4, cap=n, start=n, start_std=n)
     meanings = {
         "force_std": "[N] standard deviation of the force",
-        "velocity_std": "[m/s] of the velocity",
-        "fading": "theta [m/s], largest factor, step up, step down",
-        "cap": "of the variances under fading",
+        "velocity_std": "[m/s] standard deviation of the velocity",
+        "fading": "threshold of the innovation [m/s], largest factor, step up, step down",
+        "cap": "upper bounds of the variances under fading",
         "start": "the state to begin from: depth [m], rate [m/s], internal states, parameters, their derivatives",
-        "start_std": "its standard deviations",
+        "start_std": "standard deviations of that state",
     }
-    guess = tuple(numbers[rows["start"]][process.parameters].tolist())
+    step = tuple(_setting(name, meaning, step_settings, places) for name, meaning in meanings.items())
+    guess = tuple(step_settings[places["start"]][process.parameters].tolist())
     return ExportedTrack(
-        "inertial",
-        problem.model,
-        tracker.recursion,
-        process.layout,
-        inertial_step.state_layout(process),
-        "parameters",
-        process.mass,
-        tracker.opening.window,
-        tracker.opening.standstill,
-        tracker.opening.measure_noise,
-        fitted,
-        tuple(_setting(name, meaning, numbers, rows) for name, meaning in meanings.items()),
-        (SettingGroup("guess", "parameters that the starting fit does not find keep these", guess, True),),
-        FIT_SPREAD,
-        0.0,
+        kind="inertial",
+        model=problem.model,
+        recursion=tracker.recursion,
+        state=process.layout,
+        carried=inertial_step.state_layout(process),
+        parameters="parameters",
+        mass=process.mass,
+        window=tracker.opening.window,
+        standstill=tracker.opening.standstill,
+        measures_noise=tracker.opening.measure_noise,
+        fitted=fitted,
+        step=step,
+        start=(SettingGroup("guess", "parameters that the starting fit does not find keep these", guess, array=True),),
+        fit_spread=FIT_SPREAD,
+        acceleration_std=0.0,  # an inertial process has no acceleration among its states
     )
 
 
-def _setting(name: str, meaning: str, numbers: Floats, rows: Layout) -> SettingGroup:
+def _setting(name: str, meaning: str, step_settings: Floats, places: Layout) -> SettingGroup:
     """Return the numbers of a step's settings that have a name."""
-    values = np.asarray(numbers)[rows[name]].tolist()
+    values = np.asarray(step_settings)[places[name]].tolist()
     return SettingGroup(name, meaning, tuple(values), name not in ("force_std", "velocity_std", "depth", "depth_std"))
 
 
