@@ -100,7 +100,17 @@ class Flag:
         evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
         remedy = table.get("remedy", "")
         suspects, moves = tuple(table.get("suspects", ())), tuple(table.get("moves", ()))
-        return cls(table["code"], table["message"], table["severity"], effects, (), evidence, remedy, suspects, moves)
+        return cls(
+            code=table["code"],
+            message=table["message"],
+            severity=table["severity"],
+            effects=effects,
+            causes=(),
+            evidence=evidence,
+            remedy=remedy,
+            suspects=suspects,
+            moves=moves,
+        )
 
 
 @dataclass(frozen=True)

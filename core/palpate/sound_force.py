@@ -40,7 +40,15 @@ class SoundForce:
         # Windows that the noise of the pose does not hide.
         windows = {min(window, LONGEST), LONGEST}
         judged = tuple(sorted(length for length in windows if length >= POSE * position_std))
-        return cls(name, judged, std, _correlation(force, std), _roughness(force, std), inertia, position_std)
+        return cls(
+            name=name,
+            windows=judged,
+            std=std,
+            correlation=_correlation(force, std),
+            roughness=_roughness(force, std),
+            inertia=inertia,
+            position_std=position_std,
+        )
 
     def standard_error(self, count: float) -> float:
         """Return the standard error [N] of the mean of so many readings."""

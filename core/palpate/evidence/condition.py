@@ -44,7 +44,14 @@ class Condition:
         shifts = dict[str, float]()
         for name, shift in table.get("shifts", {}).items():
             shifts[name] = math.inf if shift is None else shift
-        return cls(table["fact"], text, table.get("remedy", ""), alternative, shifts, table.get("code", ""))
+        return cls(
+            fact=table["fact"],
+            text=text,
+            remedy=table.get("remedy", ""),
+            alternative=alternative,
+            shifts=shifts,
+            code=table.get("code", ""),
+        )
 
     def matters(self, values: Mapping[str, UncertainValue]) -> bool:
         """Return True if the alternative moves any value by its uncertainty; a condition without one always does."""

@@ -69,7 +69,15 @@ def _air_line(air: Samples) -> AirLine:
     variance = float(residual @ residual) / (len(air) - 2)
     mean_variance = variance * samples_as_one(residual)
     level_std, slope_std = math.sqrt(mean_variance / len(air)), math.sqrt(mean_variance / time_square)
-    return AirLine(mean_time, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
+    return AirLine(
+        middle=mean_time,
+        level=level,
+        level_std=level_std,
+        slope=slope,
+        slope_std=slope_std,
+        noise=math.sqrt(variance),
+        until=float(air.time[-1]),
+    )
 
 
 def tare_in_contact(settings: AlignmentSettings, noise: float) -> Tare | None:
@@ -80,4 +88,9 @@ def tare_in_contact(settings: AlignmentSettings, noise: float) -> Tare | None:
     if settings.tare == "free-air":
         return None
     offset = 0.0 if settings.tare == "none" else float(settings.tare)
-    return Tare(offset, settings.tare_uncertainty, None, air=AirLine(0.0, 0.0, 0.0, 0.0, 0.0, noise, 0.0))
+    return Tare(
+        offset,
+        settings.tare_uncertainty,
+        None,
+        air=AirLine(middle=0.0, level=0.0, level_std=0.0, slope=0.0, slope_std=0.0, noise=noise, until=0.0),
+    )

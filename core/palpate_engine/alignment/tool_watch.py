@@ -73,7 +73,18 @@ class ToolWatch:
         curvature, deviation = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
         tilt = int(np.searchsorted(np.cumsum(self._tilts), _TILT_QUANTILE * self._tilts.sum())) / _PER_RADIAN
         along = weight - float(air_mean[_ALONG])
-        return TurnedTool(turn, along, weight, spread, disagreement, std, slope, curvature, deviation, tilt)
+        return TurnedTool(
+            turn=turn,
+            along=along,
+            weight=weight,
+            spread=spread,
+            apart=disagreement,
+            apart_std=std,
+            slope=slope,
+            curvature=curvature,
+            curvature_std=deviation,
+            tilt=tilt,
+        )
 
 
 class _Sums:

@@ -82,7 +82,14 @@ def fit_touch(averages: Averages, max_mass: float) -> TouchFit | None:
         return None
     law = slope * np.maximum(surface - averages.height, 0.0) ** 1.5
     law -= basis @ (basis.T @ law)
-    return TouchFit(surface, gain, float(np.ptp(law)), air_residual - law, air_residual, basis)
+    return TouchFit(
+        surface=surface,
+        gain=gain,
+        rise=float(np.ptp(law)),
+        residual=air_residual - law,
+        air_residual=air_residual,
+        air_basis=basis,
+    )
 
 
 def air_terms(averages: Averages) -> list[Floats]:

@@ -72,15 +72,38 @@ def _run(
     folder = make_folder(pipeline.run.name, out, started)
     facts = provenance.result() | lift | rehearsal_facts(pipeline, rehearsal)
     with remove_refused_folder(folder) as begun, interruptible() as interrupt, closing_reserve(folder, live) as room:
-        work = _RunContext(pipeline, folder, facts, tracks, interrupt, started, clock().now())
+        work = _RunContext(
+            pipeline=pipeline,
+            folder=folder,
+            facts=facts,
+            tracks=tracks,
+            interrupt=interrupt,
+            started=started,
+            began=clock().now(),
+        )
         session: Session | None = None
         result: Result | None = None
         failure: Exception | None = None
         try:
             with ExitStack() as stack:
                 stack.enter_context(executor)
-                outputs = Outputs(stack, pipeline, work.described(), tracks.online, interrupt.stop, room, observer)
-                session = Session(pipeline, tracks, outputs, interrupt, progress, begun)
+                outputs = Outputs(
+                    stack=stack,
+                    pipeline=pipeline,
+                    run=work.described(),
+                    online=tracks.online,
+                    stop=interrupt.stop,
+                    room=room,
+                    observer=observer,
+                )
+                session = Session(
+                    pipeline=pipeline,
+                    tracks=tracks,
+                    outputs=outputs,
+                    interrupt=interrupt,
+                    observe=progress,
+                    begun=begun,
+                )
                 failure = session.run()
                 result = work.result(session)
                 outputs.finish(result.table())
@@ -137,7 +160,7 @@ class _RunContext:
         facts = {**self.facts, **({} if live is None else {"live": live.table()})}
         facts |= {"started": self.started.isoformat(timespec="seconds"), "duration": clock().now() - self.began}
         results = self.tracks.results(self.pipeline, report)
-        return build_result(self.pipeline, self.folder, facts, live, report, results, self.interrupt)
+        return build_result(self.pipeline, self.folder, facts, live, report, tracks=results, interrupt=self.interrupt)
 
 
 def _written(result: Result, folder: Path, room: ClosingReserve) -> Path:

@@ -76,7 +76,9 @@ class RecordTracks:
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - start}
         report = aligner.report
         results = tracks.results(pipeline, report, detail)
-        result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
+        result = build_result(
+            pipeline, folder=Path(), facts=facts, live=None, report=report, tracks=results, interrupt=Interrupt()
+        )
         return RecordOutcome(pipeline, samples, estimates, result)
 
     def _with(self, devices: Mapping[str, Device] | None, name: str | None, text: str | None) -> Pipeline:

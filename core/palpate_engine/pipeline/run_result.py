@@ -87,14 +87,14 @@ def build_result(
     run_flags = [*_rehearsal_flags(pipeline), *_run_flags(pipeline, live, report, interrupt.reason)]
     flags = pipeline.registry.judged(run_flags)
     return Result(
-        folder,
-        {key: finite(value) for key, value in {**facts, **_record_facts(pipeline, facts, report)}.items()},
-        stream_tables(report),
-        _judge(pipeline, _with_assumptions(pipeline, tracks), flags),
-        flags,
-        pipeline.truth,
-        interrupt.reason,
-        interrupt.signal,
+        folder=folder,
+        run={key: finite(value) for key, value in {**facts, **_record_facts(pipeline, facts, report)}.items()},
+        streams=stream_tables(report),
+        tracks=_judge(pipeline, _with_assumptions(pipeline, tracks), flags),
+        flags=flags,
+        truth=pipeline.truth,
+        interrupted=interrupt.reason,
+        signal=interrupt.signal,
     )
 
 
@@ -198,13 +198,27 @@ def _assumed_condition(key: str, text: str, units: Mapping[str, str]) -> Conditi
     if key.startswith("device.") and key.endswith(".rate"):
         timed = [name for name, unit in units.items() if _SECOND.search(unit)]
         rows = f"{float(text):g} rows in a second"
-        return Condition("rate", rows, remedy, "another rate", dict.fromkeys(timed, math.inf), "assumed")
+        return Condition(
+            fact="rate",
+            text=rows,
+            remedy=remedy,
+            alternative="another rate",
+            shifts=dict.fromkeys(timed, math.inf),
+            code="assumed",
+        )
     if (column := _COLUMN_UNIT.fullmatch(key)) is not None:
         fact = f"{UNIT_OF}{column[1]}"
         return Condition(fact, f"{fact}: {text}", remedy_of(fact), code="assumed")
     if key.startswith("indenter."):
-        return Condition(key, f"{key} = {text}", remedy, "another tip", dict.fromkeys(units, math.inf), "assumed")
-    return Condition(key, f"{key} = {text}", remedy, "", {}, "assumed")
+        return Condition(
+            fact=key,
+            text=f"{key} = {text}",
+            remedy=remedy,
+            alternative="another tip",
+            shifts=dict.fromkeys(units, math.inf),
+            code="assumed",
+        )
+    return Condition(fact=key, text=f"{key} = {text}", remedy=remedy, alternative="", shifts={}, code="assumed")
 
 
 def _is_diagnosed(key: str, settings: AlignmentSettings) -> bool:

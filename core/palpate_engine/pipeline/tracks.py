@@ -99,7 +99,7 @@ class RunningTrack:
         if self.record.samples <= _MIN_TRACKED and self.record.failure is None:
             return None
         try:
-            return track_result(self.track.name, self.track.model, self.record, report, settings, average, True)
+            return track_result(self.track.name, self.track.model, self.record, report, settings, average, online=True)
         except RAISED_BY_PARTS:  # a model that fails here fails in the result, too, which reports it
             return None
 
@@ -180,7 +180,12 @@ class Tracks:
         run = pipeline.run
         is_simulated = run.rehearsal is not None or any(device.simulated for device in pipeline.devices.values())
         evidence = RunEvidence(
-            pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables, is_simulated
+            settings=pipeline.alignment,
+            report=report,
+            average=run.average,
+            uncertainties=run.uncertainties,
+            tables=pipeline.tables,
+            is_simulated=is_simulated,
         )
         return {**results, **apply_diagnoses(diagnosable, diagnoses, evidence)}
 
@@ -221,9 +226,14 @@ def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[Runni
         settings = pipeline.alignment
         other_parameters = _other_parameters(pipeline, track.name.model)
         problem = Problem(
-            track.model, settings.tip_mass, settings.timing_uncertainty, standstill, other_parameters,
-            settings.zero_uncertainty, settings.force_zero,
-        )  # fmt: skip
+            model=track.model,
+            tip_mass=settings.tip_mass,
+            timing_uncertainty=settings.timing_uncertainty,
+            standstill=standstill,
+            others=other_parameters,
+            zero_uncertainty=settings.zero_uncertainty,
+            force_zero=settings.force_zero,
+        )
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:

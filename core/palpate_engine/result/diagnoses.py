@@ -235,23 +235,23 @@ def _evidence(name: str, track: Diagnosable, of_run: RunEvidence) -> TrackEviden
     record, settings = track.record, of_run.settings
     time, force, position = record.keeper.air
     evidence = TrackEvidence(
-        name,
-        track.model,
-        track.estimator,
-        settings.tip_mass,
-        read_only(record.keeper.kept),
-        time,
-        force,
-        position,
-        np.array([value.value for value in values]),
-        np.array([value.std for value in values]),
-        np.array([value.combined for value in values]),
-        track.result.surface.value,
-        record.report,
-        of_run.tables,
-        _track_end(track, of_run),
-        track.result.parameters,
-        record.keeper.air_after,
+        name=name,
+        model=track.model,
+        estimator=track.estimator,
+        tip_mass=settings.tip_mass,
+        kept=read_only(record.keeper.kept),
+        air_time=time,
+        air_force=force,
+        air_position=position,
+        values=np.array([value.value for value in values]),
+        std=np.array([value.std for value in values]),
+        combined=np.array([value.combined for value in values]),
+        surface=track.result.surface.value,
+        report=record.report,
+        tables=of_run.tables,
+        ending=_track_end(track, of_run),
+        found=track.result.parameters,
+        air_after=record.keeper.air_after,
     )
     return read_only(evidence)
 
@@ -273,6 +273,16 @@ def _track_end(track: Diagnosable, of_run: RunEvidence) -> TrackEnd | None:
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
     record, run = track.record, of_run
     return TrackEnd(
-        read_only(tail), read_only(tail.last(average)), run.settings, run.report, run.uncertainties, record.held,
-        frozenset(included), run.average, record.tracked, record.samples, record.is_sweep, run.is_simulated,
-    )  # fmt: skip
+        tail=read_only(tail),
+        last=read_only(tail.last(average)),
+        settings=run.settings,
+        report=run.report,
+        uncertainties=run.uncertainties,
+        held=record.held,
+        included=frozenset(included),
+        average=run.average,
+        tracked=record.tracked,
+        samples=record.samples,
+        is_sweep=record.is_sweep,
+        is_simulated=run.is_simulated,
+    )

@@ -67,18 +67,20 @@ def track_result(
     if ends is not None:
         numbers = _numbers(model, record, *ends, settings, online)
     return TrackResult(
-        name.model,
-        name.estimator,
-        record.samples,
-        numbers.parameters,
-        numbers.surface,
-        numbers.force_rms,
-        numbers.nis,
-        tuple(flags),
-        record.seconds / record.samples if record.samples else 0.0,
-        derived_values(model, numbers.parameters, _covariance(model, record.details)) if record.failure is None else (),
-        record.details,
-        record.report,
+        model=name.model,
+        estimator=name.estimator,
+        samples=record.samples,
+        parameters=numbers.parameters,
+        surface=numbers.surface,
+        force_rms=numbers.force_rms,
+        nis=numbers.nis,
+        flags=tuple(flags),
+        seconds_per_sample=record.seconds / record.samples if record.samples else 0.0,
+        derived=derived_values(model, numbers.parameters, _covariance(model, record.details))
+        if record.failure is None
+        else (),
+        details=record.details,
+        report=record.report,
         budget=tuple(_estimator_budget(numbers.parameters)),
     )
 

@@ -87,7 +87,17 @@ class Keeper:
         index = np.concatenate(indices) if indices else np.zeros(0, np.int64)
         time, force, position, velocity, x, y, used, surface, innovation = table
         lateral = np.column_stack([x, y])
-        return SampleStore(index, time, force, position, velocity, lateral, used > 0.5, surface, innovation)
+        return SampleStore(
+            index=index,
+            time=time,
+            force=force,
+            position=position,
+            velocity=velocity,
+            lateral=lateral,
+            used=used > 0.5,
+            surface=surface,
+            innovation=innovation,
+        )
 
     @property
     def air(self) -> Floats:

@@ -103,7 +103,14 @@ class ComparisonRecord:
         """Return the measures of a track that ends with `values` and a NIS that is a mean of `nis_count` samples."""
         samples = Samples.joined(self._samples) if self._samples else None
         if samples is None or not samples.active.any():
-            return TrackComparison(math.nan, math.nan, 0, 0, nis_band(nis_count), {})
+            return TrackComparison(
+                prediction_rms=math.nan,
+                force_rms=math.nan,
+                predicted=0,
+                predictable=0,
+                nis_band=nis_band(nis_count),
+                settling_times={},
+            )
         estimates = np.concatenate(self._estimates)
         measured = samples.force + tip_mass * acceleration(samples.time, samples.velocity)
         rows = _predictable_rows(samples, measured)
@@ -111,12 +118,12 @@ class ComparisonRecord:
         counted = rows & np.isfinite(predicted)
         error, force = predicted[counted] - measured[counted], measured[counted]
         return TrackComparison(
-            _rms(error),
-            _rms(force),
-            int(np.count_nonzero(counted)),
-            int(np.count_nonzero(rows)),
-            nis_band(nis_count),
-            {
+            prediction_rms=_rms(error),
+            force_rms=_rms(force),
+            predicted=int(np.count_nonzero(counted)),
+            predictable=int(np.count_nonzero(rows)),
+            nis_band=nis_band(nis_count),
+            settling_times={
                 parameter.name: _settling_time(samples, estimates[:, place], values[parameter.name].value)
                 for place, parameter in enumerate(model.parameters)
                 if not values[parameter.name].places

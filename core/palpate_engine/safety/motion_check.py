@@ -89,36 +89,36 @@ class _Stretch:
                 clearance = tool_clearance(limits.tool, times, setpoint, surface)
         turn, turn_apart = _turns(times, setpoint, limits)
         return cls(
-            (float(times[0]), float(times[-1])),
-            Reach.of(times, setpoint),
-            max(
+            times=(float(times[0]), float(times[-1])),
+            reach=Reach.of(times, setpoint),
+            inward=max(
                 float((-(speed * out).sum(axis=1)).max(initial=0.0))
                 for speed, out in ((setpoint.velocity, normal), (moved, normal[1:]), (moved, normal[:-1]))
             ),
-            turn,
-            turn_apart,
-            float(np.arccos(np.clip((setpoint.axes * normal).sum(axis=1), -1.0, 1.0)).max(initial=0.0)),
-            depth,
-            (float(height[0]), float(height[-1])),
-            clearance,
-            bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
-            _contradiction(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
+            turn=turn,
+            turn_apart=turn_apart,
+            askew=float(np.arccos(np.clip((setpoint.axes * normal).sum(axis=1), -1.0, 1.0)).max(initial=0.0)),
+            depth=depth,
+            heights=(float(height[0]), float(height[-1])),
+            clearance=clearance,
+            finite=bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
+            apart=_contradiction(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
         )
 
     def and_of(self, other: _Stretch) -> _Stretch:
         """Return the extremes of this stretch and the one after it."""
         return _Stretch(
-            (self.times[0], other.times[1]),
-            self.reach.and_of(other.reach),
-            max(self.inward, other.inward),
-            max(self.turn, other.turn),
-            max(self.turn_apart, other.turn_apart),
-            max(self.askew, other.askew),
-            max(self.depth, other.depth),
-            (self.heights[0], other.heights[1]),
-            min(self.clearance, other.clearance),
-            self.finite and other.finite,
-            max(self.apart, other.apart),
+            times=(self.times[0], other.times[1]),
+            reach=self.reach.and_of(other.reach),
+            inward=max(self.inward, other.inward),
+            turn=max(self.turn, other.turn),
+            turn_apart=max(self.turn_apart, other.turn_apart),
+            askew=max(self.askew, other.askew),
+            depth=max(self.depth, other.depth),
+            heights=(self.heights[0], other.heights[1]),
+            clearance=min(self.clearance, other.clearance),
+            finite=self.finite and other.finite,
+            apart=max(self.apart, other.apart),
         )
 
 
@@ -146,15 +146,15 @@ def _report(whole: _Stretch, limits: SafetySettings, surface: Surface | None, mo
     problems += _orientation_problems(whole, limits, surface is not None)
     problems += [*_clearance_problems(whole.clearance), *more]
     return MotionReport(
-        whole.times[1] - whole.times[0],
-        reach.low,
-        reach.high,
-        reach.speed,
-        inward,
-        reach.acceleration,
-        limits.stop_force + limits.overshoot(inward),
-        limits.stiffness * max(whole.depth if surface is not None else -float(reach.low[2]), 0.0),
-        tuple(problems),
+        duration=whole.times[1] - whole.times[0],
+        low=reach.low,
+        high=reach.high,
+        speed=reach.speed,
+        inward_speed=inward,
+        acceleration=reach.acceleration,
+        peak_force=limits.stop_force + limits.overshoot(inward),
+        unfelt_force=limits.stiffness * max(whole.depth if surface is not None else -float(reach.low[2]), 0.0),
+        problems=tuple(problems),
     )
 
 

@@ -80,7 +80,14 @@ class LogRecorder:
         channel, stream = self._streams[device, batch.stream]
         names = [entry.name for entry in stream.channels]
         joints = tuple(names[: len(names) // 2]) if stream.layout == "joints" else ()  # angles, then as many speeds
-        self._write(channel, batch.time, batch.received, stream.frame or device, batch.values, joints)
+        self._write(
+            channel,
+            stamps=batch.time,
+            logged=batch.received,
+            frame=stream.frame or device,
+            numbers=batch.values,
+            joints=joints,
+        )
 
     def samples(self, samples: Samples) -> None:
         """Add aligned samples."""

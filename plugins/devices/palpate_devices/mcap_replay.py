@@ -261,7 +261,7 @@ def _stream(topic: Topic, numbers: MessageType, facts: Mapping[str, Any]) -> Str
         channels.append(Channel(field, unit, tuple(limit) if limit else None))
     name = facts.get("stream", topic.name.rsplit("/", 1)[-1])
     rate, layout, frame = facts.get("rate"), facts.get("layout", "columns"), facts.get("frame", "")
-    return Stream(name, tuple(channels), rate, layout, "log", frame)
+    return Stream(name=name, channels=tuple(channels), rate=rate, layout=layout, clock="log", frame=frame)
 
 
 def _has_simulation(pipeline: str) -> bool:

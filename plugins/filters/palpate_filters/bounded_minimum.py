@@ -30,7 +30,15 @@ def bounded_minimum(
         # A parabola's step where it is admitted, else a golden section of the longer side.
         parabola = None
         if abs(step_before) > min_step:
-            parabola = _parabola(x - second, x - third, fx - f_second, fx - f_third, step_before, low - x, high - x)
+            parabola = _parabola(
+                to_second=x - second,
+                to_third=x - third,
+                above_second=fx - f_second,
+                above_third=fx - f_third,
+                step_before=step_before,
+                low=low - x,
+                high=high - x,
+            )
             step_before = step
         if parabola is None:
             step_before = (low if x >= middle else high) - x

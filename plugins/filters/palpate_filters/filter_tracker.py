@@ -184,7 +184,7 @@ class RecursiveTracker:
         if self._listener is None:
             state, outputs = self._kernel.run(state, inputs, settings)
         else:
-            state, outputs = self._run_pieces(self._listener, state, inputs, interval, settings, rows.start)
+            state, outputs = self._run_pieces(self._listener, state, inputs, interval, settings, row=rows.start)
         self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._place.at("depth")]))
         return outputs
 

@@ -117,14 +117,14 @@ class _Stepper:
         parameters = rig.process.parameters
         status |= Status.LIFTED if values[depth] <= 0 else Status(0)
         return Belief(
-            values[parameters],
-            std[parameters],
-            float(values[depth]),
-            float(std[depth]),
-            rig.force(mean),
-            innovation**2,
-            int(status),
-            innovation,
+            values=values[parameters],
+            std=std[parameters],
+            depth=float(values[depth]),
+            depth_std=float(std[depth]),
+            force=rig.force(mean),
+            nis=innovation**2,
+            status=int(status),
+            innovation=innovation,
         )
 
     def _begin(self, moment: Moment) -> Status:

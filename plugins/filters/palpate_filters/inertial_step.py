@@ -133,7 +133,7 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
 
     predicted, factor = predict(process, prediction, before, now, settings), before.factor
     if fading:
-        predicted, factor = fade(process, predicted, factor, now, settings, signed)
+        predicted, factor = fade(process, predicted, factor, sample=now, tuning=settings, signed=signed)
     updated = update(process, predicted, now, settings)
     after, restarts = restart(process, updated, replace(before, factor=factor), now, settings)
 
@@ -143,7 +143,16 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
         sample=sample,
         settings=ca.vertcat(*numbers),
         next_state=after.column(),
-        output=output(process, before, now, predicted, updated, after, restarts, settings),
+        output=output(
+            process,
+            before,
+            sample=now,
+            predicted=predicted,
+            updated=updated,
+            after=after,
+            restarts=restarts,
+            tuning=settings,
+        ),
     )
 
 
@@ -163,7 +172,9 @@ def _tuning_symbols(process: InertialProcess) -> Tuning:
     n = process.states
     force_std, rate_std = ca.vertsplit(ca.SX.sym("r", 2))
     cap, start, start_std = ca.SX.sym("cap", n), ca.SX.sym("x0", n), ca.SX.sym("s0", n)
-    return Tuning(force_std, rate_std, ca.SX.sym("a", 4), cap, start, start_std)
+    return Tuning(
+        force_std=force_std, rate_std=rate_std, fade=ca.SX.sym("a", 4), cap=cap, start=start, start_std=start_std
+    )
 
 
 def input_gain(process: InertialProcess, interval: Any) -> Any:

@@ -81,7 +81,7 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
     # Update with position, velocity and force, and add each to both sums of the bias.
     information, pull = ca.SX.zeros(q, q), ca.SX.zeros(q)
     statistics = ErrorStatistics(P, C, psi, mean)
-    for measured in _measurements(model, mass, sample, numbers[:k], assumed, real):
+    for measured in _measurements(model, mass, sample, theta=numbers[:k], assumed=assumed, real=real):
         statistics, measured_information, measured_pull = _update(statistics, measured)
         information += measured_information
         pull -= measured_pull
@@ -182,7 +182,28 @@ def _measurements(
     no_mixed = ca.SX.zeros(k + 1, n)
     no_curvature = ca.SX.zeros(n, n)
     return (
-        _Measurement(unit[0, :], no_constants, no_mixed, no_curvature, assumed[1], real[1]),
-        _Measurement(unit[1, :], no_constants, no_mixed, no_curvature, assumed[2], real[2]),
-        _Measurement(row, by_constants, mixed, curvature, assumed[0], real[0]),
+        _Measurement(
+            row=unit[0, :],
+            by_constants=no_constants,
+            mixed=no_mixed,
+            curvature=no_curvature,
+            assumed_std=assumed[1],
+            real_std=real[1],
+        ),
+        _Measurement(
+            row=unit[1, :],
+            by_constants=no_constants,
+            mixed=no_mixed,
+            curvature=no_curvature,
+            assumed_std=assumed[2],
+            real_std=real[2],
+        ),
+        _Measurement(
+            row=row,
+            by_constants=by_constants,
+            mixed=mixed,
+            curvature=curvature,
+            assumed_std=assumed[0],
+            real_std=real[0],
+        ),
     )

@@ -74,7 +74,7 @@ def _guessed_state(settings: KinematicSettings, process: KinematicProcess, windo
     # On a sweep.
     std[place["slope"]] = SLOPE_STD * settings.sweep_speed
     std[place["trend"]] = TREND_STD
-    _put_motion(process, settings.position_std, settings.velocity_std, mean, std, window)
+    _put_motion(process, settings.position_std, settings.velocity_std, mean, std, first=window)
     covariance = np.diag(std**2)
     _put_bias_covariance(settings, process, covariance, float(window.time[0]))
     return mean, covariance
@@ -146,7 +146,9 @@ def resumed_state(process: KinematicProcess, carry: Carry, first: Samples) -> tu
     mean, std = carry.state[carried["mean"]].copy(), np.zeros(process.states)
     covariance = np.zeros((process.states, process.states))
     before = carry.state[carried["covariance"]].reshape(covariance.shape)
-    _put_motion(process, _RESUMED_POSITION_STD, _RESUMED_VELOCITY_STD, mean, std, first)
+    _put_motion(
+        process, position_std=_RESUMED_POSITION_STD, velocity_std=_RESUMED_VELOCITY_STD, mean=mean, std=std, first=first
+    )
     covariance[material, material] = before[material, material]
     covariance[motion, motion] = np.diag(std[motion] ** 2)
     low_count = 0.0

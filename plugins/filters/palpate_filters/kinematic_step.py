@@ -92,7 +92,14 @@ def kinematic_step(
     moments = _update_motion(process, _Moments(x, P, ca.SX(0), ca.SX(0)), reading, noise)
     linearisation = _linearisation(process, reading, moments.mean) if linearised else None
     moments, innovation = _update_force(
-        process, moments, reading.force, noise.force**2, iterations, student, centre, linearisation
+        process,
+        before=moments,
+        force=reading.force,
+        variance=noise.force**2,
+        iterations=iterations,
+        student=student,
+        centre=centre,
+        linearisation=linearisation,
     )
     nis = ca.if_else(moments.count > 0, moments.squares / ca.fmax(moments.count, 1), -1.0)
 
@@ -100,7 +107,9 @@ def kinematic_step(
     low = process.depth(ca.vertsplit(moments.mean)) <= 0
     low_count = ca.if_else(low, low_before + 1, 0)
     restart = low_count >= MAX_LOW_SAMPLES
-    x, P = _restart_material(process, moments.mean, moments.covariance, restart, fresh, fresh_std)
+    x, P = _restart_material(
+        process, x=moments.mean, P=moments.covariance, restart=restart, fresh=fresh, fresh_std=fresh_std
+    )
 
     # In the order of `palpate_filters.recursion.MARKS`, of which this filter has four.
     is_incomplete = moments.count < _MEASUREMENTS
@@ -124,7 +133,14 @@ def _reading_symbols(process: KinematicProcess, linearised: bool) -> _SampleSymb
 
     column = ca.SX.sym("w", _READINGS + process.states * linearised)
     force, height, velocity, interval = ca.vertsplit(column[:_READINGS])
-    return _SampleSymbols(column, force, height, velocity, interval, column[_READINGS:])
+    return _SampleSymbols(
+        column=column,
+        force=force,
+        height=height,
+        velocity=velocity,
+        interval=interval,
+        linearisation=column[_READINGS:],
+    )
 
 
 def predict(

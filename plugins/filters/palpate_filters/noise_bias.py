@@ -84,7 +84,16 @@ def _motion(track: TrackEvidence, rows: Any) -> Floats:
     interval = np.diff(time, append=2 * time[-1] - time[-2])
     active = np.ones(len(rows), bool)
     stamps = np.rint(time * 1e9).astype(np.int64)  # [ns]
-    samples = Samples(stamps, time, interval, kept.force[rows], position, velocity, active, active)
+    samples = Samples(
+        stamp=stamps,
+        time=time,
+        interval=interval,
+        force=kept.force[rows],
+        position=position,
+        velocity=velocity,
+        contact=active,
+        active=active,
+    )
     motion = zero_phase_motion(samples, None)
     jump = np.diff(motion.acceleration, append=motion.acceleration[-1])
     depth = np.maximum(track.surface - position, _MIN_DEPTH)
@@ -104,7 +113,9 @@ def _kinematic_bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
     motion = _motion(track, rows)
     if isinstance(settings, KinematicSmoother) and settings.relinearisations(track.model):
         return smoother_bias(track.model, track.tip_mass, track.values, motion, assumed, real)
-    return kinematic_bias(track.model, track.tip_mass, track.values, motion, assumed, real, _TRANSIENT_SHARE)
+    return kinematic_bias(
+        track.model, track.tip_mass, track.values, inputs=motion, assumed=assumed, real=real, transient=_TRANSIENT_SHARE
+    )
 
 
 def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
@@ -163,7 +174,9 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
 
     before = ErrorStatistics(P, C, psi, mean)
     updated = _update(before, assumed[1], real[1])
-    after, next_memory = _predict(process, updated, sample, theta, memory, (assumed[0], real[0]))
+    after, next_memory = _predict(
+        process, before=updated, sample=sample, theta=theta, memory=memory, force_std=(assumed[0], real[0])
+    )
 
     # Both sums of the bias, for the rate alone is measured.
     S = P[1, 1] + assumed[1] ** 2
@@ -206,7 +219,7 @@ def _predict(
     depth, rate, acceleration, jump, interval = ca.vertsplit(sample)
     state = ca.vertcat(depth, rate, memory, theta)
     force = process.force(ca.vertsplit(state)) + process.mass * acceleration
-    slopes = _process_slopes(process, state, force, interval, before.psi, before.C[:nx, :nx])
+    slopes = _process_slopes(process, state, force, interval, before.psi, error_covariance=before.C[:nx, :nx])
     no_memory = [0.0] * (nx - 2)
     B = ca.vertcat(*process.gain(interval), *no_memory)
     defect = ca.vertcat(interval**2 / 6 * jump, interval / 2 * jump, *no_memory)  # of a constant acceleration

@@ -48,7 +48,7 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
         if process.model.memory:
             moments = _moments(lambda point: ahead(point, force, interval, has_force), mean, root, directions)
         else:
-            moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, has_force))
+            moments = _excess_moments(process, mean, covariance, root, directions, sample=(force, interval, has_force))
         # Without new points, the gain uses the covariance of the propagated ones, which has no process noise.
         column = None if redraw else moments[1][:, process.layout.at("rate")]
         stiffness = _force_slope(process, mean)[process.layout.at("depth")]

@@ -87,7 +87,9 @@ class InertialProcess:
         depth = before[0] + interval * before[1] + to_depth * excess
         rate = before[1] + to_rate * excess
         theta, memory = state[self.parameters], state[self.layout["memory"]]
-        memory_after = advance_memory(self.model, before, (depth, rate), theta, memory, interval)
+        memory_after = advance_memory(
+            self.model, before, after=(depth, rate), theta=theta, memory=memory, interval=interval
+        )
         chain = state[self.layout.span("parameters", "derivatives")]
         return [depth, rate, *memory_after, *self._evolve(chain, interval)]
 
@@ -210,5 +212,7 @@ class KinematicProcess:
         # Internal states follow the motion from one end of the interval to the other.
         theta, memory = self.parameters(state[self.chart], exp), self.layout["memory"]
         ends = [(self.depth(motion), self.rate(motion)) for motion in (state, after)]
-        after[memory] = advance_memory(self.model, ends[0], ends[1], theta, state[memory], interval)
+        after[memory] = advance_memory(
+            self.model, before=ends[0], after=ends[1], theta=theta, memory=state[memory], interval=interval
+        )
         return after

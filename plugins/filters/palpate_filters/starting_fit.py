@@ -119,7 +119,7 @@ def fit_start(
     values = guess.copy()
     values[fitted] = theta
     if prior is not None:
-        return _with_bias(surface, values, fitted, bias, design, prior)
+        return _with_bias(surface, theta=values, fitted=fitted, bias=bias, design=design, prior=prior)
     return _without_bias(surface, values, fitted, design, variance)
 
 

@@ -35,7 +35,7 @@ def guess_by_contrast(
     best_guesses: list[Guess] = []
     for start in product(*grids):
         starts = [np.array((*start[:surface], height, *start[surface + 1 :])) for height in heights]
-        guesses = [solve_scaled(model, unknowns, thinned, x, linear, moduli) for x in starts]
+        guesses = [solve_scaled(model, unknowns, record=thinned, x=x, linear=linear, moduli=moduli) for x in starts]
         best_guesses.append(min(guesses, key=lambda guess: guess.cost))
     return [guess.x for guess in best_guesses if np.isfinite(guess.cost)]
 
@@ -70,7 +70,7 @@ def solve_scaled(
             record.weight * (reading(model, parameters.tolist(), rows, record.transition) - record.force)
             for parameters in (base, doubled)
         )
-        columns = [error_doubled - error, *linear_columns(model, record, base, linear, error, ())]
+        columns = [error_doubled - error, *linear_columns(model, record, base, linear, error, memory=())]
     # The scale of the moduli and the linear unknowns of |columns y + 2 e_1 - e_2|^2.
     low, high = unknowns.bounds(linear)
     bounds = np.append(_MIN_MODULUS_SCALE, low), np.append(np.inf, high)

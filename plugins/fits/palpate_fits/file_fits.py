@@ -200,7 +200,14 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
     facts = fact_line(kinds or [(pipeline, len(rows))], [row_motion(row) for row in rows])
     for line in (*filled(facts), *_columns_lines(fitted.groups)):
         print_line(line)
-    show_rows(rows, pipeline, part_registry, command, asked.details, _advice(asked.sources, len(rows)))
+    show_rows(
+        rows,
+        pipeline,
+        parts=part_registry,
+        command=command,
+        details=asked.details,
+        advice=_advice(asked.sources, len(rows)),
+    )
     for line in _law_lines(fitted) if len(rows) == 1 else ():
         print_line(line)
     _show_guesses(fitted.groups, asked.details)

@@ -37,7 +37,14 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
         if f"{_READER}{key}" in stated:
             continue
         if key == POSITION_OF:
-            return FileQuestion("position", "", problem, f"{text}; say it with --{key}", True, ("tip", "stage"))
+            return FileQuestion(
+                key="position",
+                name="",
+                text=problem,
+                advice=f"{text}; say it with --{key}",
+                needed=True,
+                choices=("tip", "stage"),
+            )
         if key == RATE:  # E of an elastic press does not depend on it
             rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
             return FileQuestion(RATE, "", problem, f"{text}; say it with --rate", rows < MIN_ROWS)
@@ -48,11 +55,26 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
         return FileQuestion(key, "", problem, advice, True)
     for role, columns in suggestion.rivals.items():
         rivals_text = suggestion.rival_words(role)
-        return FileQuestion("columns", role, rivals_text, f"{rivals_text}; say which with --{role}", True, columns)
+        return FileQuestion(
+            key="columns",
+            name=role,
+            text=rivals_text,
+            advice=f"{rivals_text}; say which with --{role}",
+            needed=True,
+            choices=columns,
+        )
     for key, text in suggestion.guesses.items():
         if f"{_READER}{key}" not in stated and (unit := _UNIT.fullmatch(key)) is not None:
             guess = str(suggestion.device["columns"][unit[1]]["unit"])
-            return FileQuestion("units", _column(suggestion, unit[1]), text, text, False, (), guess)
+            return FileQuestion(
+                key="units",
+                name=_column(suggestion, unit[1]),
+                text=text,
+                advice=text,
+                needed=False,
+                choices=(),
+                guess=guess,
+            )
     return None
 
 

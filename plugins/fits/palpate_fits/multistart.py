@@ -70,7 +70,14 @@ def solve_from_many(
     for values in product(*(_time_grid(unknowns, place, coarse) for place in times)):
         start = x.copy()
         start[times] = values
-        rough_fit = solve_trf(residual_of(others), unknowns, coarse, start, loss, _ROUGH_EVALUATIONS)
+        rough_fit = solve_trf(
+            residual=residual_of(others),
+            unknowns=unknowns,
+            record=coarse,
+            x=start,
+            loss=loss,
+            max_evaluations=_ROUGH_EVALUATIONS,
+        )
         if np.isfinite(rough_fit.cost):
             rough_fits.append(rough_fit)
     rough_fits.sort(key=lambda fit: fit.cost)
@@ -99,7 +106,9 @@ def solve_or_try_others(
     for factors in product(_VISCOSITY_FACTORS, repeat=len(viscosities)):
         start = x.copy()
         start[viscosities] *= factors
-        rough_fits.append(solve_trf(residual, unknowns, coarse, start, loss, _ROUGH_EVALUATIONS))
+        rough_fits.append(
+            solve_trf(residual, unknowns, record=coarse, x=start, loss=loss, max_evaluations=_ROUGH_EVALUATIONS)
+        )
     finite_fits = (fit for fit in rough_fits if np.isfinite(fit.cost))
     best = min(finite_fits, key=lambda fit: fit.cost, default=solution)
     other = solve_trf(residual, unknowns, record, best.x, loss)

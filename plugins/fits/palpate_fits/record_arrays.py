@@ -156,6 +156,14 @@ def make_record(
     widest = _TRANSITION_SHARE * max(float(np.ptp(height)), _MIN_TRAVEL)
     transition = widest if travel is None else min(widest, max(_TRANSITION_SHARE * travel, noise))
     return FitRecord(
-        height, rate, acceleration, force, centred, weight, transition, history, 1 if smooth is None else smooth[1],
+        height=height,
+        rate=rate,
+        acceleration=acceleration,
+        force=force,
+        time=centred,
+        weight=weight,
+        transition=transition,
+        history=history,
+        window=1 if smooth is None else smooth[1],
         noise=noise if n > 3 else None,
-    )  # fmt: skip
+    )

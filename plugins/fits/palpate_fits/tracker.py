@@ -122,7 +122,7 @@ class FitTracker:
             unknowns, solution = with_possible_viscosity(residual, unknowns, record, loss, solution)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
-        notes += rivals(residual, unknowns, record, solution, minima, loss)
+        notes += rivals(residual, unknowns, record, best=solution, minima=minima, loss=loss)
         solution = in_order(self._problem.model, unknowns, solution)
         if loss.kind == "linear":
             solution = correct_attenuation(residual, record, unknowns, solution)

@@ -34,7 +34,15 @@ def _unknown(entry: Mapping[str, Any]) -> Unknown:
     """Return an unknown from its entry in the details."""
     std, random, systematic = (entry.get(key) for key in ("std", "random", "systematic"))
     interval = tuple(entry["interval"]) if "interval" in entry else None
-    return Unknown(entry["value"], entry["unit"], entry["free"], std, random, systematic, interval)
+    return Unknown(
+        value=entry["value"],
+        unit=entry["unit"],
+        free=entry["free"],
+        std=std,
+        random=random,
+        systematic=systematic,
+        interval=interval,
+    )
 
 
 def _correlations(names: list[str], covariance: list[list[float]]) -> dict[tuple[str, str], float]:

@@ -59,7 +59,14 @@ def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction
         time = max(_long_run(gamma, reach) / gamma[0], _MIN_CORRELATION_TIME) * pieces.size
     effective = min(pieces.samples / time, float(pieces.samples))
     return ResidualScatter(
-        covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
+        covariance=covariance,
+        inverse_normal=inverse,
+        samples=pieces.samples,
+        effective_samples=effective,
+        correlation_time=time,
+        first_correlation=pieces.first_correlation,
+        rss=pieces.rss,
+        noise=pieces.noise,
     )
 
 
@@ -117,7 +124,16 @@ def _sum_pieces(residual: Residual, record: FitRecord, x: Floats, loss: LossFunc
         remainder = waiting[whole:]
     first = neighbour_products / rss if rss > 0 else 0.0
     noise = float(np.sqrt(third_squares / (_THIRD_DIFFERENCE_GAIN * max(third_count, 1))))
-    return _Pieces(np.concatenate(errors), np.concatenate(slopes), normal, size, samples, rss, first, noise)
+    return _Pieces(
+        errors=np.concatenate(errors),
+        slopes=np.concatenate(slopes),
+        normal=normal,
+        size=size,
+        samples=samples,
+        rss=rss,
+        first_correlation=first,
+        noise=noise,
+    )
 
 
 def _stretches(values: Floats) -> Iterator[Floats]:

@@ -93,7 +93,9 @@ def unknowns_of(
         if name in fixed and name in extras:
             _refuse(f"{name} is fixed and among the unknowns: take it out of one of them")
         is_unknown = name not in EXTRAS or name == "surface" or name in extras
-        items.append(FitUnknown(name, unit, low, high, is_unknown and name not in fixed, value))
+        items.append(
+            FitUnknown(name=name, unit=unit, lower=low, upper=high, free=is_unknown and name not in fixed, value=value)
+        )
     return Unknowns(tuple(items))
 
 

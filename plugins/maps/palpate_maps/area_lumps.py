@@ -44,7 +44,9 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
         baseline = baseline if wide else area.remainder(fit, np.arange(len(coarse)))[1]
         baseline = replace(baseline, mean=fit.level, spread=fit.noise)
     lumps = [lump for lump in lumps if lump.p <= settings.rate and lump.contrast >= settings.contrast]
-    excluded = excluded_lumps(area.field, site_directions(sites), baseline, lumps, settings, places)
+    excluded = excluded_lumps(
+        area.field, direction=site_directions(sites), baseline=baseline, lumps=lumps, settings=settings, area=places
+    )
     return Findings(
         tuple(lumps),
         float(np.exp(baseline.mean)),

@@ -147,7 +147,12 @@ class AreaSearch:
         while True:
             covered, on_lumps = self._on_lumps(sites.place), self._on_lumps(self.middles)
             hiding = hidden_patches(
-                sites[~covered], self.middles, self.settings.patch, on_lumps, self.hiding, self._extent
+                sites=sites[~covered],
+                middles=self.middles,
+                patch=self.settings.patch,
+                on_lumps=on_lumps,
+                before=self.hiding,
+                extent=self._extent,
             )
             self.hiding = hiding
             place, number = hiding.likely

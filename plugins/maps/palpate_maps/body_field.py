@@ -170,14 +170,14 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
     square: Floats = system.normal(unknowns, noise)
     covariance: Floats = np.asarray(np.linalg.pinv(square[1:, 1:], hermitian=True), float)
     return BodyFit(
-        field,
-        float(unknowns[0]),
-        system.bodies(unknowns),
-        residual,
-        noise,
-        floor,
-        float(np.square(system.prior_rows(unknowns)[:, 0]).sum()),
-        covariance,
+        field=field,
+        level=float(unknowns[0]),
+        bodies=system.bodies(unknowns),
+        residual=residual,
+        noise=noise,
+        floor=floor,
+        prior=float(np.square(system.prior_rows(unknowns)[:, 0]).sum()),
+        covariance=covariance,
     )
 
 

@@ -47,7 +47,12 @@ class LineCurve:
         """Return the lumps that were found along it."""
         background = float(np.exp(np.quantile(self.log, _BACKGROUND_QUANTILE)))
         return Findings(
-            tuple(lumps), background, float(np.median(self.noise)), method, self.at, np.asarray(np.exp(self.log))
+            lumps=tuple(lumps),
+            background=background,
+            spread=float(np.median(self.noise)),
+            method=method,
+            coordinate=self.at,
+            curve=np.asarray(np.exp(self.log)),
         )
 
 

@@ -147,12 +147,12 @@ class _SamenessTest:
         drawn = self._draws(share, correlation)
         level_drawn, pattern_drawn, _ = self._statistics(drawn, correlation)
         return MapAgreement(
-            place,
-            difference,
-            self._std(share),
-            self.common_std,
-            share,
-            shares,
+            place=place,
+            difference=difference,
+            std=self._std(share),
+            common_std=self.common_std,
+            repeatability=share,
+            shares=shares,
             level=(float(difference.mean()), float(mean_std[0])),
             level_p=_share_above(level_drawn, float(level[0])),
             pattern_p=_share_above(pattern_drawn, float(pattern[0])),

@@ -79,17 +79,17 @@ def make_map(
     p, stiff = significance(sites, mean, std, covered.ravel())
     spread = value * std.reshape(shape)
     return StiffnessMap(
-        x,
-        y,
-        value,
-        spread,
-        covered,
-        p.reshape(shape),
-        stiff.reshape(shape),
-        sites.place,
-        method,
-        length,
-        blind_width(distance[covered.ravel()]),
+        x=x,
+        y=y,
+        value=value,
+        std=spread,
+        covered=covered,
+        p=p.reshape(shape),
+        stiff=stiff.reshape(shape),
+        sites=sites.place,
+        method=method,
+        length=length,
+        blind_below=blind_width(distance[covered.ravel()]),
     )
 
 

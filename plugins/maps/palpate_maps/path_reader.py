@@ -119,15 +119,15 @@ def join_paths(paths: Sequence[Path2D]) -> Path2D:
     main = next(path for path in paths if path.track == count.most_common(1)[0][0])
     shift = np.cumsum([0.0, *(path.time[-1] + _BETWEEN_PARTS for path in paths[:-1])])
     return Path2D(
-        main.track,
-        main.parameter,
-        np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
-        np.concatenate([path.place for path in paths]),
-        np.concatenate([path.value for path in paths]),
-        np.concatenate([path.std for path in paths]),
-        float(np.mean([path.nis for path in paths])),
-        np.concatenate([path.surface for path in paths if path.surface is not None]),
-        main.relief_sensitivity,
+        track=main.track,
+        parameter=main.parameter,
+        time=np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
+        place=np.concatenate([path.place for path in paths]),
+        value=np.concatenate([path.value for path in paths]),
+        std=np.concatenate([path.std for path in paths]),
+        nis=float(np.mean([path.nis for path in paths])),
+        surface=np.concatenate([path.surface for path in paths if path.surface is not None]),
+        relief_sensitivity=main.relief_sensitivity,
         lags=any(path.lags for path in paths),
     )
 

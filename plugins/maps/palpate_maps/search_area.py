@@ -83,7 +83,14 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     points = surface.uppermost(grid)
     share = skin_share(points, allowed, 0.0 if unbounded else 1.0)
     skin = SearchSkin.at(surface, points, allowed)
-    return Area(points.position[allowed], cells[allowed], bounded_by, allows, share, skin)
+    return Area(
+        nodes=points.position[allowed],
+        cells=cells[allowed],
+        bounded_by=bounded_by,
+        _allows=allows,
+        share=share,
+        skin=skin,
+    )
 
 
 @dataclass(frozen=True)

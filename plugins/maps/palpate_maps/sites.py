@@ -176,7 +176,15 @@ def merge_sites(sites: Sites, width: float) -> Sites:
     place = np.column_stack([mean(axis) for axis in sites.place.T])
     std = np.sqrt(mean(sites.std**2))
     standing = mean(sites.standing.astype(float)) > 0.5
-    return Sites(place, mean(sites.log), std, mean(sites.time), standing, sites.kept, sites.relief)
+    return Sites(
+        place=place,
+        log=mean(sites.log),
+        std=std,
+        time=mean(sites.time),
+        standing=standing,
+        kept=sites.kept,
+        relief=sites.relief,
+    )
 
 
 def site_numbers(sites: Sites, width: float) -> NDArray[np.intp]:

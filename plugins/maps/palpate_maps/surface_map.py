@@ -83,7 +83,7 @@ def make_surface_map(
     mean, std, length = interpolated(used, vertices, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)
-    map_ = SurfaceMap(vertices, faces, value, value * std, p, parameter, unit)
+    map_ = SurfaceMap(vertices=vertices, faces=faces, value=value, std=value * std, p=p, parameter=parameter, unit=unit)
     blind_below = blind_width(nearest_distance(lifted.place, vertices))
     return MapOnSurface(map_, stiff, length, blind_below, _reach(np.abs(points.curvature[known])))
 

@@ -63,7 +63,9 @@ def thickness(
     profile = _profile_within(indenter, sizes, sticking)
     depths = sizes["depth"] * np.linspace(_FIRST_ROW, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
-    factors, stopped = _compute_rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
+    factors, stopped = _compute_rows(
+        cylinder, tip=indenter, profile=profile, depths=depths, fine=fine, seconds=_seconds(limit)
+    )
     reached = depths[: len(factors)]
     smooth, scatter, at_touch = smooth_table(reached, factors, isinstance(indenter, Flat))
     if scatter > _MAX_SCATTER:

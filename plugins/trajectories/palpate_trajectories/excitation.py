@@ -98,4 +98,14 @@ def oscillating_motion(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion
     depth = profile([Knot(t, d) for t, d in zip(times, depths, strict=True)])
     swell = profile([Knot(t, s) for t, s in zip(times, (0.0, 1.0, 1.0, 0.0), strict=True)])
     x, y = (rest_profile(value) for value in settings.place)
-    return PlannedMotion(end + transfer, x, y, depth, ((begin, end),), settings.surface, swell, wave, begin)
+    return PlannedMotion(
+        duration=end + transfer,
+        x=x,
+        y=y,
+        depth=depth,
+        measuring=((begin, end),),
+        surface=settings.surface,
+        swell=swell,
+        wave=wave,
+        wave_start=begin,
+    )

@@ -69,7 +69,14 @@ class ForceHold(PlannedTrajectory):
         """The law of the force control."""
         gain = 1.0 / (self.response * self.stiffness)
         begin = self.standstill
-        return ForceLaw(self.force, begin, begin + self.duration, self.speed, self.acceleration, gain)
+        return ForceLaw(
+            force=self.force,
+            begin=begin,
+            end=begin + self.duration,
+            speed=self.speed,
+            acceleration=self.acceleration,
+            gain=gain,
+        )
 
     @cached_property
     def _motion(self) -> PlannedMotion:
@@ -90,4 +97,6 @@ class ForceHold(PlannedTrajectory):
         ]
         x, y = (rest_profile(value) for value in self.place)
         end = knots[-1].time + self.standstill
-        return PlannedMotion(end, x, y, through(knots), ((law.begin, law.end),), self.surface)
+        return PlannedMotion(
+            duration=end, x=x, y=y, depth=through(knots), measuring=((law.begin, law.end),), surface=self.surface
+        )

@@ -81,4 +81,6 @@ class LineSweep(PlannedTrajectory):
             coordinates.append(line_knots(leave, start, end, self.speed * share, self.ramp))
         x, y = coordinates
         arrive = leave + line_time(self._length, self.speed, self.ramp)
-        return press_motion(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)
+        return press_motion(
+            self.press, touches=[Touch(begin, arrive)], x=x, y=y, measuring=[(begin, arrive)], surface=self.surface
+        )

@@ -101,4 +101,11 @@ def loading_cycles(settings: LoadUnload | Compression, speeds: list[float], dept
         time += turn
         knots.append(Knot(time, top))
     x, y = (rest_profile(value) for value in settings.place)
-    return PlannedMotion(time, x, y, through(knots), ((settings.standstill, time),), settings.surface)
+    return PlannedMotion(
+        duration=time,
+        x=x,
+        y=y,
+        depth=through(knots),
+        measuring=((settings.standstill, time),),
+        surface=settings.surface,
+    )

@@ -53,7 +53,9 @@ class PlannedMotion:
         y, y_rate = self.y.at(t)
         depth, depth_rate = self.depth.at(t)
         if self.wave is not None:
-            depth, depth_rate = add_wave(t, depth, depth_rate, self.swell, self.wave, self.wave_start)
+            depth, depth_rate = add_wave(
+                time=t, depth=depth, rate=depth_rate, swell=self.swell, wave=self.wave, wave_start=self.wave_start
+            )
         # The tip follows the skin, and moves down by the depth.
         height, slope_x, slope_y = self.surface.at(x, y)
         height_rate = slope_x * x_rate + slope_y * y_rate

@@ -58,7 +58,7 @@ class RampHold(PlannedTrajectory):
         knots += _ramp_knots(time, level, -self.clearance, -self.speed, self.turn)
         x, y = (rest_profile(value) for value in self.place)
         end = knots[-1].time + self.standstill
-        return PlannedMotion(end, x, y, through(knots), (measuring,), self.surface)
+        return PlannedMotion(duration=end, x=x, y=y, depth=through(knots), measuring=(measuring,), surface=self.surface)
 
 
 def _ramp_knots(start: float, begin: float, end: float, speed: float, turn: float) -> list[Knot]:

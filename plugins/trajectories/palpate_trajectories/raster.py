@@ -121,7 +121,9 @@ class Raster(PlannedTrajectory):
             place_x, place_y = self._place(knot.along, knot.across)
             x.append(Knot(knot.time, place_x, cos * knot.speed_along - sin * knot.speed_across))
             y.append(Knot(knot.time, place_y, sin * knot.speed_along + cos * knot.speed_across))
-        return press_motion(self.press, [Touch(begin, path.now)], x, y, measuring, self.surface)
+        return press_motion(
+            self.press, touches=[Touch(begin, path.now)], x=x, y=y, measuring=measuring, surface=self.surface
+        )
 
     def after(self, elapsed: float) -> Trajectory | None:
         """Return the raster that continues with the first line not finished after a time [s]; None when all are."""

@@ -48,7 +48,9 @@ class SurfaceMotion:
         t = np.asarray(time, float)
         foot, foot_rate, normal, normal_rate = self.footway.at(t)
         depth, rate = self.depth.at(t)
-        depth, rate = add_wave(t, depth, rate, self.swell, self.wave, self.wave_start)
+        depth, rate = add_wave(
+            time=t, depth=depth, rate=rate, swell=self.swell, wave=self.wave, wave_start=self.wave_start
+        )
         # The tip along the normal, whose turn moves it, too; the tool turns with the normal.
         position = foot - depth[:, None] * normal
         velocity = foot_rate - rate[:, None] * normal - depth[:, None] * normal_rate

@@ -54,7 +54,15 @@ class _RefitComparison:
         names = [parameter.name for parameter in track.model.parameters]
         distance = np.abs(best.theta - track.values)
         is_free = np.isfinite(track.combined) & (track.std > 0)
-        return cls(names, best.theta, distance, bound, correlation, without_effect, is_free)
+        return cls(
+            names=names,
+            estimate=best.theta,
+            distance=distance,
+            bound=bound,
+            correlation=correlation,
+            without_effect=without_effect,
+            is_free=is_free,
+        )
 
 
 def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:

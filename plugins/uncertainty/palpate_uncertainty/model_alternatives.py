@@ -48,7 +48,14 @@ def _relaxation(course: Course, base: Refit, relaxing: int, fastest: float) -> R
     relaxed, surface, instantaneous, residual, branches = fit_relaxation(
         course, base.theta, base.surface, relaxing, fastest
     )
-    return Refit(MEMORY, relaxed, surface, np.array([relaxed, instantaneous]), residual, branches)
+    return Refit(
+        reason=MEMORY,
+        theta=relaxed,
+        surface=surface,
+        candidates=np.array([relaxed, instantaneous]),
+        residual=residual,
+        extra=branches,
+    )
 
 
 def makers(course: Course, base: Refit) -> dict[str, Maker]:
@@ -210,4 +217,11 @@ def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
         by_slope[elastic] *= 1.0 + float(extra[0]) / shape.power
         return np.array([theta, by_slope])
 
-    return ModelAlternative("another tip", force, (0.0,), (_MIN_POWER - shape.power,), (_MAX_ADDED_POWER,), candidates)
+    return ModelAlternative(
+        reason="another tip",
+        force=force,
+        start=(0.0,),
+        lower=(_MIN_POWER - shape.power,),
+        upper=(_MAX_ADDED_POWER,),
+        candidates=candidates,
+    )

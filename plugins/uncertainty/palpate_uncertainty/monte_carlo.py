@@ -94,7 +94,7 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
     turned = result["run"].get("turned_tool", {})
     weight = weight_per_mass(pipeline.alignment, turned.get("along", 0.0), turned.get("weight", 0.0))
     tracks_of, names = result["tracks"], [track.name for track in pipeline.tracks]
-    return [_case(run, pipeline, name, tracks_of[str(name)], samples, weight) for name in names]
+    return [_case(run, pipeline, name, result=tracks_of[str(name)], samples=samples, weight=weight) for name in names]
 
 
 def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples, weight: float) -> Case:
@@ -112,9 +112,17 @@ def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], s
     # A draw needs the estimate alone.
     changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
     return Case(
-        str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
-        weight, tuple(result["budget"]), result["parameters"], _covariance(run, track.model, name, result),
-    )  # fmt: skip
+        name=str(name),
+        model=track.model,
+        estimator=track.estimator.model_copy(update=changes),
+        problem=problem,
+        samples=samples,
+        average=pipeline.run.average,
+        weight_per_mass=weight,
+        rows=tuple(result["budget"]),
+        parameters=result["parameters"],
+        covariance=_covariance(run, track.model, name, result),
+    )
 
 
 def _covariance(run: Path, model: ContactModel, name: Any, result: Mapping[str, Any]) -> Floats | None:

@@ -105,9 +105,13 @@ def _thickness(track: _OpenTrack) -> Iterator[Condition]:
     height = RADII * radius if track.is_small else HEIGHT
     share = 1.0 / (1.0 + stiffer_by(radius, height)) - 1.0
     yield Condition(
-        "thickness", f"specimen thicker than {_length(needed)}", words_that_state("thickness"),
-        f"{_length(height)}", track.scaled(share), "thickness-undeclared",
-    )  # fmt: skip
+        fact="thickness",
+        text=f"specimen thicker than {_length(needed)}",
+        remedy=words_that_state("thickness"),
+        alternative=f"{_length(height)}",
+        shifts=track.scaled(share),
+        code="thickness-undeclared",
+    )
 
 
 def _base(track: _OpenTrack) -> Iterator[Condition]:
@@ -145,9 +149,13 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
     text = f"force and motion simultaneous ({', '.join(per_ms)})" if per_ms else "force and motion simultaneous"
     effects = {name: DELAY * shift for name, shift in track.table(shifts).items() if name not in track.end.held}
     yield Condition(
-        "delay", text, words_that_state("delay"), f"{1e3 * DELAY:g} ms",
-        effects, "timing-undeclared",
-    )  # fmt: skip
+        fact="delay",
+        text=text,
+        remedy=words_that_state("delay"),
+        alternative=f"{1e3 * DELAY:g} ms",
+        shifts=effects,
+        code="timing-undeclared",
+    )
 
 
 def _tare(track: _OpenTrack) -> Iterator[Condition]:
@@ -155,9 +163,13 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
     if (zero := zero_without_air(track.evidence)) is not None and track.end.settings.force_zero == "open":
         higher = ZERO * (zero.random or 0.0)
         yield Condition(
-            "tare", f"zero of the force at {zero.value:+.3g} N, found with the surface", words_that_state("tare"),
-            f"{higher:.2g} N higher", track.along_with("bias", ZERO), "tare-undeclared",
-        )  # fmt: skip
+            fact="tare",
+            text=f"zero of the force at {zero.value:+.3g} N, found with the surface",
+            remedy=words_that_state("tare"),
+            alternative=f"{higher:.2g} N higher",
+            shifts=track.along_with("bias", ZERO),
+            code="tare-undeclared",
+        )
         return
     tare, sensitivity = track.end.report.tare, track.sensitivity
     is_determined = "tare" in track.end.included or (tare is not None and tare.offset_std is not None)
@@ -165,9 +177,13 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
         return
     offset = TARE * float(np.max(np.abs(sensitivity.force)))
     yield Condition(
-        "tare", "no force without contact", words_that_state("tare"),
-        f"{offset:.2g} N", track.against(np.full(len(sensitivity.force), offset)), "tare-undeclared",
-    )  # fmt: skip
+        fact="tare",
+        text="no force without contact",
+        remedy=words_that_state("tare"),
+        alternative=f"{offset:.2g} N",
+        shifts=track.against(np.full(len(sensitivity.force), offset)),
+        code="tare-undeclared",
+    )
 
 
 def _mass(track: _OpenTrack) -> Iterator[Condition]:

@@ -163,10 +163,19 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration) - (zero.value if zero else 0.0)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
-        track.model, kept.time, force, motion.height, motion.rate, motion.smooth_acceleration, kept.runs,
-        used & motion.is_usable & np.isfinite(force), first, max(last - first, _MIN_SPAN), len(track.air_time) > 0,
-        motion.noise,
-    )  # fmt: skip
+        model=track.model,
+        time=kept.time,
+        force=force,
+        height=motion.height,
+        rate=motion.rate,
+        acceleration=motion.smooth_acceleration,
+        runs=kept.runs,
+        used=used & motion.is_usable & np.isfinite(force),
+        begin=first,
+        span=max(last - first, _MIN_SPAN),
+        from_air=len(track.air_time) > 0,
+        noise=motion.noise,
+    )
 
 
 class _SmoothMotion(NamedTuple):
@@ -197,7 +206,14 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
     is_usable = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
     is_usable &= ~kept.hesitating & ~corners & ~jerks
     noise = height_noise, rate_noise
-    return _SmoothMotion(acceleration, height, np.nan_to_num(rate), np.nan_to_num(smooth), is_usable, noise)
+    return _SmoothMotion(
+        acceleration=acceleration,
+        height=height,
+        rate=np.nan_to_num(rate),
+        smooth_acceleration=np.nan_to_num(smooth),
+        is_usable=is_usable,
+        noise=noise,
+    )
 
 
 def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:

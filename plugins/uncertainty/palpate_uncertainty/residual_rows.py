@@ -82,11 +82,20 @@ class JudgedRows:
             return np.concatenate([inside, np.zeros((len(time), *inside.shape[1:])) + outside])
 
         return cls(
-            track, course, whole(course.time[used], time), whole(course.depth(track.surface)[used], depth),
-            whole(course.rate[used], rate), whole(slow_acceleration(course)[used], bend), whole(force), whole(jacobian),
-            whole(by_depth), whole(by_rate), read - (track.tip_mass or 0.0) * bend, int(np.count_nonzero(used)),
-            free_unknowns(track),
-        )  # fmt: skip
+            track=track,
+            course=course,
+            time=whole(course.time[used], time),
+            depth=whole(course.depth(track.surface)[used], depth),
+            rate=whole(course.rate[used], rate),
+            acceleration=whole(slow_acceleration(course)[used], bend),
+            force=whole(force),
+            jacobian=whole(jacobian),
+            by_depth=whole(by_depth),
+            by_rate=whole(by_rate),
+            air_force=read - (track.tip_mass or 0.0) * bend,
+            count=int(np.count_nonzero(used)),
+            free=free_unknowns(track),
+        )
 
     @property
     def change(self) -> Floats:

@@ -107,7 +107,16 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     # Rate and acceleration without delay, and the force without the inertia.
     interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
     stamp = np.rint(kept.time * 1e9).astype(np.int64)
-    samples = Samples(stamp, kept.time, interval, kept.force, kept.position, kept.velocity, always, always)
+    samples = Samples(
+        stamp=stamp,
+        time=kept.time,
+        interval=interval,
+        force=kept.force,
+        position=kept.position,
+        velocity=kept.velocity,
+        contact=always,
+        active=always,
+    )
     motion = zero_phase_motion(samples, None)
     course = make_course(track, contact & ~_disturbed(track))
     outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
@@ -172,7 +181,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     prediction = predict_other_half(
         rows.jacobian[inside][:, rows.free], residual, rows.force[inside], null_rms**2, oscillates(course)
     )
-    return ResidualTests(p, bins, scores, rms / null_rms, misfit, prediction)
+    return ResidualTests(p=p, bins=bins, scores=scores, ratio=rms / null_rms, misfit=misfit, prediction=prediction)
 
 
 @dataclass(frozen=True)
@@ -211,7 +220,15 @@ def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int)
 def _projected_residual(track: TrackEvidence, rows: JudgedRows, residual: Floats, noise: ForceNoise) -> TestedResidual:
     """Return the residual without what the fit and open facts take of it, in contact and in air; outliers clipped."""
     height, speed, kernels = motion_noise(track)
-    null = ResidualNull(noise, rows.by_depth, rows.by_rate, track.tip_mass or 0.0, height, speed, kernels)
+    null = ResidualNull(
+        force=noise,
+        by_depth=rows.by_depth,
+        by_rate=rows.by_rate,
+        mass=track.tip_mass or 0.0,
+        height=height,
+        speed=speed,
+        kernels=kernels,
+    )
     space = ResidualSpace.of(null.std, rows.jacobian, rows.free, [*rows.open()], [*rows.stated()])
     null = replace(null, stated=space.stated * space.std[:, None])
     projected = space.beside(np.concatenate([residual, rows.air_force]) / space.std) * space.std

@@ -38,12 +38,12 @@ class Directions:
         """Return one of several alternatives of one derivative each."""
         column = slice(k, k + 1)
         return Directions(
-            self.scaled[:, column],
-            self.lengths[column],
-            self.sharp[:, column],
-            self.overlap[column, column],
-            self.covariance[column, column],
-            self.sums[column],
+            scaled=self.scaled[:, column],
+            lengths=self.lengths[column],
+            sharp=self.sharp[:, column],
+            overlap=self.overlap[column, column],
+            covariance=self.covariance[column, column],
+            sums=self.sums[column],
         )
 
 
@@ -65,7 +65,9 @@ class TestedResidual:
         sharp = self.space.sharpest(unfitted)
         weights = sharp / self.space.std[:, None]
         covariance, sums = self.null.covariance(weights), weights.T @ self.residual
-        return Directions(scaled, lengths, sharp, sharp.T @ unfitted, covariance, sums)
+        return Directions(
+            scaled=scaled, lengths=lengths, sharp=sharp, overlap=sharp.T @ unfitted, covariance=covariance, sums=sums
+        )
 
     def along_each(self, patterns: list[tuple[str, Floats, float]]) -> Iterator[Directions]:
         """Yield the same of every alternative; those of one derivative are computed together."""

@@ -33,7 +33,15 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
     across = AcrossForce.of(track, end)
     if across is not None and across.tells_friction:  # the bias by friction is determined, in place of its default
         sources = tuple(source for source in sources if source.name != "stick" or source.declared)
-    terms = systematic_terms(sensitivity, shifts, settings.timing_uncertainty, settings, report, sources, end.included)
+    terms = systematic_terms(
+        sensitivity,
+        shifts,
+        timing=settings.timing_uncertainty,
+        settings=settings,
+        report=report,
+        sources=sources,
+        included=end.included,
+    )
 
     # The share of each value by which the robot's compliance shifts it.
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))

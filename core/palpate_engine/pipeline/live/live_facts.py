@@ -84,10 +84,10 @@ class LiveFacts:
 def motion_facts(links: Mapping[str, Link], largest_backlog: int, guard: Guard) -> MotionFacts:
     """Return the facts of a motion that is over, while its links are still there."""
     return MotionFacts(
-        {name: finite_tree(link.health) for name, link in links.items() if isinstance(link, ReportsHealth)},
-        largest_backlog,
-        guard.peak.tared,
-        guard.peak.untared,
-        tuple(sorted(guard.ended_early)),
-        None if guard.account is None or guard.stop.tripped is None else (guard.account, guard.stop.tripped),
+        devices={name: finite_tree(link.health) for name, link in links.items() if isinstance(link, ReportsHealth)},
+        largest_backlog=largest_backlog,
+        peak_force=guard.peak.tared,
+        peak_force_untared=guard.peak.untared,
+        ended_early=tuple(sorted(guard.ended_early)),
+        stop=None if guard.account is None or guard.stop.tripped is None else (guard.account, guard.stop.tripped),
     )

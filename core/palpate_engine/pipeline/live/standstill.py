@@ -44,12 +44,24 @@ def refuse_unsteady(standstill: Standstill, limits: SafetySettings, force: str, 
         )
     for name, (force_std, velocity_std) in declared.items():
         _refuse_surprise(
-            f"{force} has a noise", standstill.force_std, "N", name, f"force_std = {force_std:g} N", force_std, limits
+            subject=f"{force} has a noise",
+            std=standstill.force_std,
+            unit="N",
+            estimator=name,
+            declaration=f"force_std = {force_std:g} N",
+            expected=force_std,
+            limits=limits,
         )
         if standstill.velocity_std is not None:
             declaration = f"velocity_std = {1e3 * velocity_std:g} mm/s"
             _refuse_surprise(
-                "the velocity has a noise", standstill.velocity_std, "mm/s", name, declaration, velocity_std, limits
+                subject="the velocity has a noise",
+                std=standstill.velocity_std,
+                unit="mm/s",
+                estimator=name,
+                declaration=declaration,
+                expected=velocity_std,
+                limits=limits,
             )
 
 

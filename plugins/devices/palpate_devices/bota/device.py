@@ -92,4 +92,11 @@ class BotaSensor(Device):
         """Return the sensor, set up and streaming."""
         start = self.boot + self.settle + _GRACE
         name = f"bota at {self.port}"
-        return SensorProcess(name, BotaReader, self.streams, self.model_dump(), self.sensor_timeout, start).link()
+        return SensorProcess(
+            name=name,
+            reader=BotaReader,
+            streams=self.streams,
+            settings=self.model_dump(),
+            silence=self.sensor_timeout,
+            start=start,
+        ).link()

@@ -61,4 +61,11 @@ class RdtSensor(Device):
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """Return the sensor, streaming."""
         name, settings = f"rdt at {self.host}", self.model_dump()
-        return SensorProcess(name, RdtReader, self.streams, settings, self.sensor_timeout, self.boot + _GRACE).link()
+        return SensorProcess(
+            name=name,
+            reader=RdtReader,
+            streams=self.streams,
+            settings=settings,
+            silence=self.sensor_timeout,
+            start=self.boot + _GRACE,
+        ).link()

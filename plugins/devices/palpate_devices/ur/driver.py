@@ -180,7 +180,16 @@ class URDriver(ArmDriver):
         self._stamp = stamp
         self._take_echo()
         q, qd, pose, twist, wrench = values
-        return ArmReading(stamp, q, qd, pose, twist, wrench, (*modes, *paces), now)
+        return ArmReading(
+            stamp=stamp,
+            joints=q,
+            joint_speeds=qd,
+            pose=pose,
+            twist=twist,
+            wrench=wrench,
+            status=(*modes, *paces),
+            seen=now,
+        )
 
     def _values(self) -> _State:
         """Return joints [rad], their speeds, pose, twist and wrench (6 each), the three modes, slider and scaling."""

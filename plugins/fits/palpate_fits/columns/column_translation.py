@@ -59,8 +59,8 @@ class ColumnTranslation(Translation):
             return []
 
         integer = self._ir.IntType(_INTEGER_BITS)
-        self._loop(integer(0), whole, integer(LANES), [], self._vector, store)
-        self._loop(whole, count, integer(1), [], self._scalar, store)
+        self._loop(start=integer(0), stop=whole, step=integer(LANES), carried=[], number_type=self._vector, body=store)
+        self._loop(start=whole, stop=count, step=integer(1), carried=[], number_type=self._scalar, body=store)
 
     def _products(self, count: Any, whole: Any, sums: Any) -> None:
         """Write the body of `products`: sums over `count` samples of y_i y_j, for each pair i <= j in four lanes.
@@ -83,16 +83,23 @@ class ColumnTranslation(Translation):
             return []
 
         zeros = [self._ir.Constant(self._vector, [0.0] * LANES)] * len(pairs)
-        totals = self._loop(integer(0), whole, integer(LANES), zeros, self._vector, add_four)
+        totals = self._loop(
+            start=integer(0), stop=whole, step=integer(LANES), carried=zeros, number_type=self._vector, body=add_four
+        )
         self._double = self._vector
         for k, total in enumerate(totals):
             self._b.store(total, self._place(sums, integer(k * LANES)), align=_ALIGNMENT)
-        self._loop(whole, count, integer(1), [], self._scalar, add_one)
+        self._loop(start=whole, stop=count, step=integer(1), carried=[], number_type=self._scalar, body=add_one)
 
     def _loop(
-        self, start: Any, stop: Any, step: Any, carried: list[Any], number_type: Any,
+        self,
+        start: Any,
+        stop: Any,
+        step: Any,
+        carried: list[Any],
+        number_type: Any,
         body: Callable[[Any, Sequence[Any]], list[Any]],
-    ) -> list[Any]:  # fmt: skip
+    ) -> list[Any]:
         """Write a loop and return what it has carried: for (i = start; i < stop; i += step) carried = body(i, carried).
 
         Numbers are of one type within it, scalars or vectors of four lanes.

@@ -50,7 +50,12 @@ def curves_of(
                 with suppress(LogError):  # too short for lumps
                     lumps = maps.find_lumps(sites).lumps
                 curves[prefix + name] = TrackCurve(
-                    path.parameter, unit_of(run, name, path.parameter), along, sites, lumps, path.lags
+                    parameter=path.parameter,
+                    unit=unit_of(run, name, path.parameter),
+                    along=along,
+                    sites=sites,
+                    lumps=lumps,
+                    lags=path.lags,
                 )
     return curves
 

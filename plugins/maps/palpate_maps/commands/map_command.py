@@ -115,7 +115,14 @@ def map_run(
         with suppress(LogError):  # too few sites for lumps are enough for a map
             shown = sites if skin is None or along is not None else maps.sites_on(sites, skin)
             findings = maps.find_lumps(shown) if of_curves else maps.lumps_of_run(run, path, shown)
-        made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
+        made = _MapOutput(
+            run=run,
+            folder=out or RunFolder(run).maps,
+            ending="svg" if svg else "png",
+            path=path,
+            sites=sites,
+            findings=findings,
+        )
         if along is not None:
             name, sentence, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
         elif skin is not None:

@@ -65,9 +65,16 @@ def search(
     if aim not in get_args(Aim):
         raise ConfigurationError(f"--aim: {aim!r} is not one of {', '.join(get_args(Aim))}")
     _demand_positive({"--budget": budget, "--palpation": palpation})
-    settings = SearchSettings(aim, points, contrast, length(radius, "--radius"), risk, sure)  # type: ignore[arg-type]
+    settings = SearchSettings(
+        aim=aim,  # type: ignore[arg-type]
+        points=points,
+        contrast=contrast,
+        radius=length(radius, "--radius"),
+        risk=risk,
+        sure=sure,
+    )
     with print_aside(as_json):
-        rounds = _begin(run, track, parameter, settings, box_of(area), palpation)
+        rounds = _begin(run, track, parameter, settings, box=box_of(area), palpation=palpation)
         if go:
             demand_unchanged(rounds.state.motion.pipeline, yes)
             rounds.visit_all(budget)

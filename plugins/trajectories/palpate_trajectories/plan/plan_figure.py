@@ -34,8 +34,15 @@ def plan_picture(
     for row in path_rows:
         _from_above(row, position, measuring)
     detail = _detail_rows(time, measuring)
-    _over_time(height_row, time, _MM * position[:, 2], measuring, detail, "height [mm]")
-    _over_time(speed_row, time, _MM * np.linalg.norm(velocity, axis=1), measuring, detail, "speed [mm/s]")
+    _over_time(height_row, time, values=_MM * position[:, 2], measuring=measuring, detail=detail, label="height [mm]")
+    _over_time(
+        speed_row,
+        time,
+        values=_MM * np.linalg.norm(velocity, axis=1),
+        measuring=measuring,
+        detail=detail,
+        label="speed [mm/s]",
+    )
     # The nominal surface.
     for axis in height_row:
         axis.axhline(0.0, color="black", linewidth=0.5)

@@ -95,7 +95,15 @@ def _fit_at(
     independent = n / inflation
     bic = independent * float(np.log(residual @ residual / n)) + p * float(np.log(independent))
     values = _kelvin_voigt_values(record, law, surface, nonlinear, weights)
-    return DelayFit(law.name, delay, float(std[delay_place]) if is_free else 0.0, values, std[:2], surface, bic)
+    return DelayFit(
+        law=law.name,
+        delay=delay,
+        std=float(std[delay_place]) if is_free else 0.0,
+        values=values,
+        values_std=std[:2],
+        surface=surface,
+        bic=bic,
+    )
 
 
 def _kelvin_voigt_values(

@@ -63,7 +63,15 @@ class TimedRecord:
         rows = np.flatnonzero(is_inside & course.used & np.isfinite(track.kept.force))
         mass = track.tip_mass or 0.0
         motion = replace(course, height=track.kept.position, rate=rate, acceleration=acceleration)
-        return cls(motion, track.surface, track.kept.force, mass, mass * motion.acceleration, rows, step)
+        return cls(
+            course=motion,
+            surface=track.surface,
+            force=track.kept.force,
+            mass=mass,
+            inertia=mass * motion.acceleration,
+            rows=rows,
+            step=step,
+        )
 
     def late(self, delay: float) -> Course:
         """Return the motion `delay` [s] ago, as a Taylor series in its own derivatives.
