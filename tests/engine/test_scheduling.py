@@ -52,6 +52,14 @@ def test_where_it_is_not_permitted_everything_runs(monkeypatch):
         assert policies(urgent=True) == [os.SCHED_OTHER, os.SCHED_OTHER]
 
 
+def test_on_a_system_without_that_limit_everything_runs(monkeypatch):
+    """SIGXCPU alone does not make it: macOS has the signal, and no RLIMIT_RTTIME."""
+    resource = pytest.importorskip("resource")
+    monkeypatch.delattr(resource, "RLIMIT_RTTIME", raising=False)
+    with real_time_section(print) as text:
+        assert "real-time scheduling" in text
+
+
 SPIN = """
 import os, time
 from palpate import clock

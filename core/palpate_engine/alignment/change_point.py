@@ -12,8 +12,8 @@ from palpate.vectors import Floats
 # The search for the height (choices): each level spans two steps of the grid of the level before, so that four levels
 # resolve 3e-6 of the way.
 _GRID_SIZE = 41  # heights that are tried together
-_GRID_STEPS = np.arange(float(_GRID_SIZE))
-_GRID_LEVELS = 4
+_GRID_INDEX = np.arange(float(_GRID_SIZE))  # (41,) 0 to 40
+_GRID_LEVELS = 4  # grids, one within the other
 _MIN_SAMPLES = 20  # for the three unknowns of the law; a choice
 _MAX_SAMPLES = 4000  # a choice: more are thinned
 _UNKNOWNS = 3  # of the law: offset, slope and height
@@ -81,19 +81,25 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
 
 
 def _best_height(z: Floats, centred: Floats, constant_cost: float) -> tuple[float, float]:
-    """Return the least sum of squares [N2] and its height [m], of samples (n,) with forces less their mean."""
-    count = len(z)
+    """Return the height [m] of the law F = b + c (z_s - z)^1.5 that fits best: its sum of squares [N^2], then z_s.
+
+    Of heights z (n,) [m] and forces less their mean (n,) [N]; `constant_cost` [N^2] is the sum of squares of a constant
+    force, which is the law with z_s at the lowest sample. Where no height has a smaller one, the highest is returned;
+    of equal ones the lowest height.
+    """
+    count = len(z)  # of all samples, of which `z` loses those in air
     low, high = float(z.min()), float(z.max())
     best = (constant_cost, high)
     for _ in range(_GRID_LEVELS):
-        heights = _GRID_STEPS * ((high - low) / (_GRID_SIZE - 1)) + low
+        heights = _GRID_INDEX * ((high - low) / (_GRID_SIZE - 1)) + low
         heights[-1] = high
         # Samples above the highest of these heights are in air, whichever it is: their shape is zero.
         below = z < high
         z, centred = z[below], centred[below]
         costs = _costs(z, centred, count, constant_cost, heights)
         least = int(np.argmin(costs))
-        best = min(best, (float(costs[least]), float(heights[least])))
+        best = min(best, (float(costs[least]), float(heights[least])))  # pairs: of equal costs the lower height
+        # The next grid spans the steps on both sides of the least.
         low, high = float(heights[max(least - 1, 0)]), float(heights[min(least + 1, _GRID_SIZE - 1)])
     return best
 

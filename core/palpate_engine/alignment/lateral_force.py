@@ -1,4 +1,4 @@
-"""The force across the tool: what share of the force along it a record has sideways."""
+"""The force across the tool, in parts of the force along it."""
 
 from __future__ import annotations
 
@@ -44,18 +44,22 @@ class LateralForce:
 
     @property
     def share(self) -> SidewaysShare | None:
-        """Share of the force that is sideways; None where there are hardly readings, or the force does not change."""
+        """The slopes of both lateral forces over the one along, by least squares.
+
+        None of fewer than 100 readings, or where the force along does not change.
+        """
         n = self._count
         if n < _MIN_READINGS:
             return None
-        spread = np.array(
-            [[(n * self._products[min(i, j)][max(i, j)] - self._sums[i] * self._sums[j]) / n for j in range(3)]
-             for i in range(3)]
-        )  # fmt: skip
-        if spread[0, 0] <= 0:
+        # Scatter (3, 3) [mN^2]: n times the covariance of the forces along and across.
+        scatter = np.empty((3, 3))
+        for i in range(3):
+            for j in range(i, 3):
+                scatter[i, j] = scatter[j, i] = (n * self._products[i][j] - self._sums[i] * self._sums[j]) / n
+        along = scatter[0, 0]
+        if along <= 0:
             return None
-        # Slopes of both lateral forces over the one along: covariance over variance.
-        x, y = (float(spread[0, i] / spread[0, 0]) for i in (1, 2))
-        # Standard uncertainty of the slopes: residual variance over n times the variance along, of two axes together.
-        unexplained = spread[1, 1] + spread[2, 2] - (x * x + y * y) * spread[0, 0]
-        return SidewaysShare(x, y, float(math.sqrt(max(unexplained, 0.0) / (2 * n) / spread[0, 0])))
+        x, y = (float(scatter[0, i] / along) for i in (1, 2))
+        # Standard uncertainty of a slope: the residual variance of both axes, over n times the variance along.
+        residual_scatter = scatter[1, 1] + scatter[2, 2] - (x * x + y * y) * along
+        return SidewaysShare(x, y, float(math.sqrt(max(residual_scatter, 0.0) / (2 * n) / along)))

@@ -33,37 +33,37 @@ def apply_bases(source: Source) -> None:
     run = source.tables.get("run")
     if not isinstance(run, dict) or "base" not in run:
         return
-    tables, places = _tables_of_bases(source, (source.path.resolve(),))
+    tables, origins = _tables_of_bases(source, (source.path.resolve(),))
     run.pop("base")
     source.base_safety = dict(tables.get("safety", {}))
-    _merge(tables, source.tables, (), places)
+    _merge(tables, over=source.tables, head=(), origins=origins)
     source.tables.clear()
     source.tables.update(tables)
-    source.inherited = places
+    source.inherited = origins
 
 
 def _tables_of_bases(source: Source, chain: tuple[Path, ...]) -> tuple[dict[str, Any], dict[Location, str]]:
     """Return the tables of all bases of a source, merged, and ``file:line`` of each of their keys."""
-    names, where = source.tables.get("run", {}).get("base", []), source.where(BASE)
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ConfigurationError(f'{where}: [run] base: must be a list of files, such as ["lab.toml"]')
+    file_names, key_place = source.tables.get("run", {}).get("base", []), source.where(BASE)
+    if not isinstance(file_names, list) or not all(isinstance(file_name, str) for file_name in file_names):
+        raise ConfigurationError(f'{key_place}: [run] base: must be a list of files, such as ["lab.toml"]')
     tables: dict[str, Any] = {}
-    places: dict[Location, str] = {}
-    for name in names:
-        path = source.path.parent / os.path.expanduser(name)
+    origins: dict[Location, str] = {}
+    for file_name in file_names:
+        path = source.path.parent / os.path.expanduser(file_name)
         if path.resolve() in chain:
             chain_text = " -> ".join(file.name for file in (*chain, path))
-            raise ConfigurationError(f"{where}: [run] base: a file is its own base: {chain_text}")
+            raise ConfigurationError(f"{key_place}: [run] base: a file is its own base: {chain_text}")
         try:
             check_input(path, source.enclosure)
-            base = Source.read(path, named=False)
+            base = Source.read(path, named=False)  # a file names it, and no person
         except (ConfigurationError, ValueError) as error:
-            raise ConfigurationError(f"{where}: [run] base: {error}") from error
+            raise ConfigurationError(f"{key_place}: [run] base: {error}") from error
         # A base may have bases of its own, below it; a later base stands above an earlier one.
-        base_tables, base_places = _tables_above_bases(base, (*chain, path.resolve()))
-        _merge(tables, base_tables, (), places)
-        places |= base_places
-    return tables, places
+        base_tables, base_origins = _tables_above_bases(base, (*chain, path.resolve()))
+        _merge(tables, over=base_tables, head=(), origins=origins)
+        origins |= base_origins
+    return tables, origins
 
 
 def _tables_above_bases(base: Source, chain: tuple[Path, ...]) -> tuple[dict[str, Any], dict[Location, str]]:
@@ -73,13 +73,13 @@ def _tables_above_bases(base: Source, chain: tuple[Path, ...]) -> tuple[dict[str
     """
     _demand_rig(base)
     demand_version(base)
-    tables, places = _tables_of_bases(base, chain)
+    tables, origins = _tables_of_bases(base, chain)
     own_tables = {key: table for key, table in base.tables.items() if key != KEY}
     if "run" in own_tables:
         own_tables["run"] = {key: value for key, value in own_tables["run"].items() if key != "base"}
-    _merge(tables, _with_folder(own_tables, base.path.parent), (), places)
-    _note_places(own_tables, base, (), places)
-    return tables, places
+    _merge(tables, over=_with_folder(own_tables, base.path.parent), head=(), origins=origins)
+    _note_origins(own_tables, base, (), origins)
+    return tables, origins
 
 
 def _demand_rig(base: Source) -> None:
@@ -105,22 +105,26 @@ def _with_folder(value: Any, folder: Path) -> Any:
     return TextOfFile(value, folder) if isinstance(value, str) else value
 
 
-def _merge(tables: dict[str, Any], over: Mapping[str, Any], head: Location, inherited: dict[Location, str]) -> None:
-    """Put tables over others, key by key; the places of what they replace are taken out of `inherited`."""
+def _merge(tables: dict[str, Any], over: Mapping[str, Any], head: Location, origins: dict[Location, str]) -> None:
+    """Put the tables `over` those at a location, key by key; the origins of replaced keys are taken out.
+
+    `origins` has ``file:line`` of each key that a base states, by its location in the pipeline; `head` is the location
+    of the tables, () of the file.
+    """
     for key, value in over.items():
         # A signal in its short form is a table with its channel.
         below, location = tables.get(key), (*head, key)
         if location[0] == "alignment" and isinstance(value, dict) and isinstance(below, str):
             below = tables[key] = {"channel": below}  # a signal in its short form
-            if location in inherited:
-                inherited[*location, "channel"] = inherited.pop(location)
+            if location in origins:
+                origins[*location, "channel"] = origins.pop(location)
         # Tables are merged key by key; another part, a list or a number replaces what is below.
         is_other_part = isinstance(below, dict) and isinstance(value, dict) and _types_differ(below, value)
         if isinstance(below, dict) and isinstance(value, dict) and not is_other_part:
-            _merge(below, value, location, inherited)
+            _merge(below, value, location, origins)
             continue
-        for place in [place for place in inherited if place[: len(location)] == location]:
-            del inherited[place]
+        for replaced_key in [key_below for key_below in origins if key_below[: len(location)] == location]:
+            del origins[replaced_key]
         tables[key] = value
 
 
@@ -129,13 +133,13 @@ def _types_differ(below: Mapping[str, Any], over: Mapping[str, Any]) -> bool:
     return "type" in below and "type" in over and below["type"] != over["type"]
 
 
-def _note_places(table: Mapping[str, Any], base: Source, head: Location, inherited: dict[Location, str]) -> None:
+def _note_origins(table: Mapping[str, Any], base: Source, head: Location, origins: dict[Location, str]) -> None:
     """Note ``file:line`` of every key in the tables of a base."""
     for key, value in table.items():
         if isinstance(value, dict):
-            _note_places(value, base, (*head, key), inherited)
+            _note_origins(value, base, (*head, key), origins)
         else:
-            inherited[*head, key] = base.where((*head, key))
+            origins[*head, key] = base.where((*head, key))
 
 
 def looser_limits(source: Source, safety: SafetySettings | None) -> tuple[str, ...]:

@@ -132,25 +132,28 @@ def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> di
 
 
 def _run_flags(
-    pipeline: Pipeline, live: LiveFacts | None, report: AlignmentReport, interrupted: str | None
+    pipeline: Pipeline, live: LiveFacts | None, report: AlignmentReport, stop_reason: str | None
 ) -> Iterator[Flag]:
-    """Yield the flags that concern every track."""
+    """Yield the flags that concern every track; `stop_reason` is of a run that was interrupted."""
     motion = live.motion if live is not None else None
-    health = motion.devices if motion is not None else {}
+    device_health = motion.devices if motion is not None else {}
     yield from setup_flags(pipeline)
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in _warnings_of(device))
     if pipeline.calibration is not None:
-        yield from pipeline.calibration.flags(pipeline, health)
+        yield from pipeline.calibration.flags(pipeline, device_health)
     if pipeline.control is not None:
-        yield from pipeline.control.flags(pipeline, health)
+        yield from pipeline.control.flags(pipeline, device_health)
     yield from _backlog_flags(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
-    yield from device_flags(pipeline.alignment, pipeline.ports, health)
-    excess = pipeline.safety.excess(motion.peak_force) if motion is not None and pipeline.safety is not None else None
-    if interrupted is not None and excess is not None and excess not in interrupted:
-        interrupted = f"{interrupted}; {excess}"
-    yield from record_flags(report, pipeline.alignment, interrupted)
+    yield from device_flags(pipeline.alignment, pipeline.ports, device_health)
+    # A stop by the guard has the excess of the force in its reason already; one by a person or a signal has not.
+    force_excess = None
+    if motion is not None and pipeline.safety is not None:
+        force_excess = pipeline.safety.excess(motion.peak_force)
+    if stop_reason is not None and force_excess is not None and force_excess not in stop_reason:
+        stop_reason = f"{stop_reason}; {force_excess}"
+    yield from record_flags(report, pipeline.alignment, stop_reason)
 
 
 def _warnings_of(device: Device) -> Sequence[str]:

@@ -20,7 +20,7 @@ from palpate_engine.safety.tool_clearance import ToolGap, tool_clearance
 
 _STEP = 0.002  # [s] between the instants that are checked, that of a servo loop of 500 Hz
 _STRETCH, _COMMON = 30_000, 2  # instants, a minute; what two stretches share, for accelerations are of three of them
-_TOLERANCE = 1e-9  # [m] or [m/s^2]; rounding of setpoints that end exactly at a limit
+_TOLERANCE = 1e-9  # [m] or [m/s^2]; rounding of setpoints and decelerations that are exactly at a limit
 _ROUNDING = 1e-9  # relative; likewise of a turn
 _TURN_CONTRADICTION = 5e-3  # [rad/s] between stated turn and what the rotations do: a choice
 _ROUNDED_ANGLE = 1e-6  # [rad]; a cosine near 1 is not known better
@@ -261,11 +261,15 @@ def _force_problems(inward: float, limits: SafetySettings) -> list[str]:
 
 
 def check_own_motion(motion: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
-    """Return what breaks the limits in what an arm does by itself, as far as known before it says where it stands."""
-    problems = _force_problems(motion.speed, limits)
+    """Return, in sentences, the limits that an arm's own motion breaks: its way to the start, braking, retreat, stop.
+
+    It is checked before the arm is connected: the distance to the start is not known yet.
+    """
+    start_problems = []
     if motion.speed > limits.speed:
-        problems.insert(0, _excess_text(Excess("speed", "", motion.speed, limits.speed)))
-    problems = [f"the way to the start: {problem}" for problem in problems]
+        start_problems.append(_excess_text(Excess("speed", axis="", value=motion.speed, limit=limits.speed)))
+    start_problems += _force_problems(motion.speed, limits)
+    problems = [f"the way to the start: {problem}" for problem in start_problems]
     if motion.deceleration < limits.deceleration - _TOLERANCE:
         problems.append(
             f"the arm brakes at {motion.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
@@ -277,8 +281,8 @@ def check_own_motion(motion: OwnMotion, limits: SafetySettings) -> tuple[str, ..
             f"tracking allows, which is {1e3 * motion.followed_speed:.0f} mm/s by its lag: lower the one, raise "
             "the other"
         )
-    if motion.stop is not None and motion.stop[1] <= limits.stop_force:
-        key, force = motion.stop
+    key, force = motion.stop or ("", math.inf)  # at which its controller stops the arm
+    if force <= limits.stop_force:
         problems.append(
             f"{key} is {force:g} N, at which the controller stops the arm in the material: it must be above [safety] "
             f"stop_force = {limits.stop_force:g} N, at which the arm leaves it"

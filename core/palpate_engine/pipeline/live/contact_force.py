@@ -1,4 +1,4 @@
-"""The force as the guard reads it: its tare, its range, and whether the sensor measures at all."""
+"""The force as the guard reads it: its tare, its range, and faults of a sensor that does not measure."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class ContactForce:
     def _address(self, column: int) -> str:
         return address(self.port.device, self.port.stream, self._channels[column])
 
-    def rest(self, batch: Batch) -> None:
+    def keep_standstill(self, batch: Batch) -> None:
         """Keep the readings of a batch of the standstill."""
         self._rows.append(batch.values)
         self._stamps.append(batch.time)
 
-    def settle(self) -> None:
+    def take_tare(self) -> None:
         """Take tare and usual repeats from the standstill; raises DeviceError where no reading differs from another."""
         rows, stamps = np.concatenate(self._rows), np.concatenate(self._stamps)
         self._rows, self._stamps = [], []
@@ -71,7 +71,7 @@ class ContactForce:
         self.tare = np.nanmean(rows[:, self.components], axis=0)
         self.repeats, self._count = repeats, RepeatCount(repeats)
 
-    def fault_of(self, values: Floats) -> str | None:
+    def range_fault(self, values: Floats) -> str | None:
         """Return why forces (n, components) are not readings; None where they are."""
         if not np.isfinite(values).all():
             return f"a reading of {self.name} is over range or invalid"
@@ -84,7 +84,7 @@ class ContactForce:
         """Return why readings (n, channels) are a torque over `limit` [N m], or none; None where they are in order."""
         return torque_fault(rows[:, self.torques], self.torque_tare, limit)
 
-    def repeated(self, rows: Floats) -> str | None:
+    def repeat_fault(self, rows: Floats) -> str | None:
         """Return why the sensor no longer measures, after the next readings (n, channels) of a motion; None where it
         does."""
         if self._count is None:

@@ -49,7 +49,7 @@ class Guard:
         self._force, self._position = SignalWatch(ports["force"]), SignalWatch(ports["position"])
         self._velocity = SignalWatch(ports["velocity"]) if "velocity" in ports.roles else None
         self.contact = ContactForce(ports["force"])
-        self._named = self.contact.components.index(ports["force"].column)
+        self._axial = self.contact.components.index(ports["force"].column)  # place of the force along the tip
         self._tip, self._deeper = StoppedTip(), False  # whether it went down lately
         self.rise = RiseCheck(ports["force"], ports["position"])
         self._ended: set[str] = set()  # devices that have sent their last batch
@@ -205,32 +205,35 @@ class Guard:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
-        """Stop the arms for what readings (n, channels) show: their range, size, torque, repeats and rise."""
+        """Stop the arms for what readings (n, channels) show: their range, size, torque, repeats and rise.
+
+        Readings of the standstill, before there is a tare, are kept for it, and not checked.
+        """
         if self.contact.tare is None:
-            self.contact.rest(batch)
+            self.contact.keep_standstill(batch)
             return
         # Every component counts: a tip that is pushed sideways is in contact, too.
-        values = batch.values[:, self.contact.components]
-        if (fault := self.contact.fault_of(values)) is not None:
+        forces = batch.values[:, self.contact.components]
+        if (fault := self.contact.range_fault(forces)) is not None:
             self.trip(fault)
-        if np.isfinite(values).all():
-            self._check_size(values, self.contact.tare, limits)
-        pushed = self._force.port.signal.sign * (values[:, self._named] - self.contact.tare[self._named])
+        if np.isfinite(forces).all():
+            self._check_size(forces, self.contact.tare, limits)
+        axial_force = self._force.port.signal.sign * (forces[:, self._axial] - self.contact.tare[self._axial])
         faults = (
             self.contact.torque_fault(batch.values, limits.torque),
-            self.contact.repeated(batch.values),
-            self.rise.fault(batch, pushed),
+            self.contact.repeat_fault(batch.values),
+            self.rise.fault(batch, axial_force),
         )
         for fault in filter(None, faults):
             self.trip(fault)
 
-    def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
+    def _check_size(self, forces: Floats, tare: Floats, limits: SafetySettings) -> None:
         """Stop the arms where a tared component of forces (n, components) [N] is over `stop_force`."""
-        largest = self.peak.note(values, tare)
+        largest = self.peak.note(forces, tare)
         if largest > limits.stop_force:
-            pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
+            axial_force = self._force.port.signal.sign * float(forces[-1, self._axial] - tare[self._axial])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
-            if pushed < -_MAX_ADHESION * limits.stop_force and self._deeper:
+            if axial_force < -_MAX_ADHESION * limits.stop_force and self._deeper:
                 self.stop.add(_REVERSED)
 
     def awaits_readings(self, waited: float) -> bool:
@@ -270,5 +273,5 @@ class Guard:
         standstill = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self.contact.tare is None:
             refuse_unsteady(standstill, self._limits, self._force.name, declared or {})
-            self.contact.settle()
+            self.contact.take_tare()
         return standstill

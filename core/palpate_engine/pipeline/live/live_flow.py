@@ -24,14 +24,18 @@ _MIN_ELAPSED = 1e-9  # [s]; a run in simulated time may take none: guards agains
 
 
 def run_live(flow: Flow) -> None:
-    """Connect, stand still, get ready, move; until the arms are done or something stops the run."""
+    """Connect, stand still, get ready, move; until the arms are done or something stops the run.
+
+    Raises the guard's error where it stopped the arms and nobody else had stopped the run before, or an arm does not
+    stand.
+    """
     rig = flow.rig
     refuse_rehearsal(rig)
     trajectory = single_trajectory(rig) if rig.trajectories else None
     if trajectory is not None:
         check_live_motion(rig, trajectory)
     # What is refused without a device has been refused; from here on the time of the run counts.
-    began, processor_time = clock().now(), clock().processor_time()
+    begin, processor_time_at_begin = clock().now(), clock().processor_time()
     guard = Guard(rig.safety, rig.ports)
     with ExitStack() as stack:
         stack.enter_context(flow.interrupt.holding_arms())
@@ -39,11 +43,12 @@ def run_live(flow: Flow) -> None:
         flow.links = connect_devices(rig, stack)
         live = LiveRun(rig, flow.links, guard, trajectory, flow.take, flow.interrupt)
 
-        def account() -> None:
+        def keep_motion_facts() -> None:
             facts.motion = motion_facts(flow.links, live.links.largest_backlog, guard)
 
-        # The stack undoes this in the opposite order: the guard first, then links and arms, and the facts last.
-        stack.callback(account)
+        # The stack undoes this in the opposite order: the guard first, then links and arms, and the facts last. Closing
+        # and stopping twice does no harm: the end of the states does so, and an error before or after it only here.
+        stack.callback(keep_motion_facts)
         for arm in live.arms.values():
             stack.callback(arm.stop)
         stack.callback(live.links.stop)
@@ -58,10 +63,11 @@ def run_live(flow: Flow) -> None:
             live.links.stop()
             for arrivals in live.links.remaining():
                 live.pass_on(arrivals)
-    # Children that have ended count as well; what the devices did is all in here.
-    busy = clock().processor_time() - processor_time
-    facts.cpu_cores = busy / max(clock().now() - began, _MIN_ELAPSED)
-    if guard.account is not None and (flow.interrupt.reason is None or guard.stop.is_stranded):
+    # The time of processes that have ended is included, and so all of the devices'.
+    processor_time = clock().processor_time() - processor_time_at_begin
+    facts.cpu_cores = processor_time / max(clock().now() - begin, _MIN_ELAPSED)
+    was_stopped_by_guard = guard.account is not None
+    if was_stopped_by_guard and (flow.interrupt.reason is None or guard.stop.is_stranded):
         raise guard.error
 
 

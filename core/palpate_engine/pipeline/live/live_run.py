@@ -17,7 +17,7 @@ _STANDSTILL = 1.0  # [s] without a [safety] table; the default of its `standstil
 
 
 class LiveRun:
-    """A rig whose devices are connected, its guard, and who takes the batches."""
+    """A rig whose devices are connected, its guard, and the function that takes their batches."""
 
     def __init__(
         self,
@@ -32,9 +32,9 @@ class LiveRun:
         self.arms = {name: link for name, link in links.items() if isinstance(link, Arm)}
         self.links = LiveLinks(links, rig.devices, guard)
         self.standstill = rig.safety.standstill if rig.safety else _STANDSTILL  # [s]
-        self._take = take
-        self._failed = False  # whether taking has failed, as where the disk is full
-        self._sampled: float | None = None  # [s] of the record that have become samples
+        self._take_arrivals = take
+        self._failed = False  # True after an error of that function, such as a full disk
+        self._sampled: float | None = None  # [s] length of the record that has become samples; None: none are made
 
     @property
     def is_stopped(self) -> bool:
@@ -47,11 +47,11 @@ class LiveRun:
         return self._sampled is None or self._sampled >= self.standstill
 
     def pass_on(self, arrivals: Arrivals) -> None:
-        """Let them be taken; those after a failure to take them are dropped."""
+        """Pass batches on to be recorded and estimated; those after a failure of that are dropped."""
         if self._failed:
             return
         try:
-            progress = self._take(arrivals)
+            progress = self._take_arrivals(arrivals)
         except BaseException:
             self._failed = True
             raise

@@ -45,7 +45,7 @@ def _permission() -> str:
     """Return a sentence on whether this process may have real-time scheduling: tried out, and given back."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(URGENT))
-        _ordinary(0)
+        _make_ordinary(0)
     except (AttributeError, OSError):
         return "no real-time scheduling: not permitted"
     return f"real-time scheduling of guard and reception, SCHED_FIFO {URGENT}"
@@ -53,32 +53,50 @@ def _permission() -> str:
 
 @contextmanager
 def _limited_spells(stop: Callable[[str], None]) -> Iterator[None]:
-    """Let the kernel say when an urgent thread of this process has computed for too long."""
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "SIGXCPU"):
-        yield  # no signal can be heard: no limit, for it would end the process
+    """Have the kernel signal an urgent thread of this process that computes for 2 s without a pause.
+
+    The signal takes the priority of all threads away and stops the run. Only Linux has such a limit, and only the main
+    thread can handle a signal; without a handler the signal would end the process, so that there is no limit then.
+    """
+    is_in_main_thread = threading.current_thread() is threading.main_thread()
+    rt_time = _real_time_limit()
+    if not is_in_main_thread or rt_time is None:
+        yield
         return
     import resource
 
-    def too_long(number: int, frame: FrameType | None) -> None:
+    def take_priority_away(_number: int, _frame: FrameType | None) -> None:
         for thread in _threads():
             with suppress(OSError):  # it has ended meanwhile
-                _ordinary(thread)
+                _make_ordinary(thread)
         stop(f"a thread that watches the arm computed for {_SPELL:g} s without a pause")
 
-    limits, handler = resource.getrlimit(resource.RLIMIT_RTTIME), signal.signal(signal.SIGXCPU, too_long)
+    previous_limits = resource.getrlimit(rt_time)
+    previous_handler = signal.signal(signal.SIGXCPU, take_priority_away)
     try:
-        with suppress(OSError, ValueError):  # a lower limit of the system stays
-            resource.setrlimit(resource.RLIMIT_RTTIME, (round(_MICROSECONDS * _SPELL), limits[1]))
+        with suppress(OSError, ValueError):  # a hard limit of the system below 2 s stays
+            resource.setrlimit(rt_time, (round(_MICROSECONDS * _SPELL), previous_limits[1]))
         yield
     finally:
-        resource.setrlimit(resource.RLIMIT_RTTIME, limits)
-        signal.signal(signal.SIGXCPU, handler)
+        resource.setrlimit(rt_time, previous_limits)
+        signal.signal(signal.SIGXCPU, previous_handler)
 
 
-def _ordinary(thread: int) -> None:
+def _real_time_limit() -> int | None:
+    """Return the resource whose limit is the time that an urgent thread computes for; None on a system without one."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    return getattr(resource, "RLIMIT_RTTIME", None) if hasattr(signal, "SIGXCPU") else None
+
+
+def _make_ordinary(thread: int) -> None:
+    """Take the real-time priority of a thread away; 0 is the calling one."""
     os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _threads() -> list[int]:
+    """Return the system's numbers of this process's threads."""
     folder = Path("/proc/self/task")
     return [int(entry.name) for entry in folder.iterdir()] if folder.is_dir() else []
