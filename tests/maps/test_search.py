@@ -9,8 +9,9 @@ from palpate_engine import load_pipeline
 from palpate_maps.area_search import AreaSearch, SearchSettings
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
-from palpate_maps.hidden_patches import EXPECTED, Patch, hidden_patches
+from palpate_maps.hidden_patches import EXPECTED, Hiding, Patch, hidden_patches
 from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
+from palpate_maps.map_figures import _patch_density
 from palpate_maps.next_places import passes
 from palpate_maps.search_actions import ActionGrid
 from palpate_maps.stiffness_field import FieldKernel, StiffnessField, interpolated
@@ -297,3 +298,20 @@ def test_of_an_area_only_what_the_limits_reach_is_searched(root):
 def test_what_is_no_search_is_refused(wrong, word):
     with pytest.raises(ConfigurationError, match=word):
         SearchSettings(**wrong)
+
+
+@pytest.mark.parametrize("columns", [[0, 2, 4, 6], [0, 2, 5], [0, 2, 7, 9]])
+def test_the_picture_of_hidden_patches_has_each_cell_about_its_place(columns):
+    """Columns that a thinned grid has left, 1 mm apart in the grid, also with others between them than every second."""
+    cells = np.array([[column, row] for row in (0, 2) for column in columns])
+    middles = 1e-3 * cells.astype(float)
+    expected = 1e-3 * (1.0 + np.arange(len(cells)))
+    field, (left, right, low, high) = _patch_density(Hiding(middles, expected, 5e-3), cells)
+    pixel = (right - left) / field.shape[1], (high - low) / field.shape[0]
+    cell_area = 2.0 * 2.0 / 100  # [cm^2]
+    for (x, y), patches in zip(1e3 * middles, expected, strict=True):
+        column, row = int((x - left - 0.5) // pixel[0]), int((y - low - 0.5) // pixel[1])
+        assert field[row, column] == pytest.approx(100 * patches / cell_area)
+        assert field[row, int((x - left + 0.5) // pixel[0])] == field[row, column]
+    shown = np.isfinite(field).sum() * pixel[0] * pixel[1]
+    assert shown == pytest.approx(100 * cell_area * len(cells))

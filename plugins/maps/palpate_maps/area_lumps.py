@@ -12,7 +12,7 @@ from palpate_maps.body_field import BodyFit, SiteField
 from palpate_maps.body_lumps import body_lump
 from palpate_maps.body_search import MAX_BODIES, explain, lump_members
 from palpate_maps.exclusion import Places, excluded_lumps, site_directions
-from palpate_maps.lump_criteria import FEWEST, Findings, LumpSettings
+from palpate_maps.lump_criteria import MIN_SITES, Findings, LumpSettings
 from palpate_maps.lump_power import WIDTH
 from palpate_maps.site_lumps import is_visit, is_wide, lump_of_sites, neighbour_reach, stiff_groups
 from palpate_maps.sites import Sites, merge_sites, site_numbers
@@ -77,7 +77,7 @@ class _AreaSites:
             kept = ~near(self.coarse.place, self.coarse.place[np.concatenate(wide)] if wide else _NOWHERE, self._reach)
             groups = [group for group in groups if kept[group].all()]
             rows = np.flatnonzero(kept)
-            if not groups or len(rows) < FEWEST:
+            if not groups or len(rows) < MIN_SITES:
                 return None, wide
             number = np.cumsum(kept) - 1
             fit, counts = explain(self.field.chosen(kept), [number[group] for group in groups], self.settings.spread)

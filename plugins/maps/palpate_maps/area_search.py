@@ -13,7 +13,7 @@ from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.grid_cells import Cells, grid_steps, thinned
 from palpate_maps.hidden_patches import REACH, Hiding, Patch, hidden_patches
-from palpate_maps.lump_criteria import FEWEST
+from palpate_maps.lump_criteria import MIN_SITES
 from palpate_maps.lumps import find_lumps
 from palpate_maps.next_places import Aim, Knowledge, Proposal, passes
 from palpate_maps.search_actions import ActionGrid, Gain, SearchAction
@@ -131,7 +131,7 @@ class AreaSearch:
     def _observe_lumps(self, flat: Sites, lifted: Sites, visited: bool) -> None:
         """Find the lumps of sites, and their progress since the round before; of a line as in the plane."""
         off_line = line_coordinate(lifted) is None
-        if visited or (off_line and len(lifted) >= FEWEST):
+        if visited or (off_line and len(lifted) >= MIN_SITES):
             before = self.lumps if self._visited else []
             findings = find_lumps(lifted if off_line or lifted.standing.all() else flat)
             self.lumps = update_progress(findings, before, lifted, self.area, self.settings.sure)

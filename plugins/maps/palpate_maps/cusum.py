@@ -54,7 +54,11 @@ class Cusum:
     seen: list[float] = field(default_factory=list)
 
     def feed(self, value: float, std: float) -> Alarm | None:
-        """Take in the next block's logarithm and its standard deviation; an alarm where there is one."""
+        """Take in the logarithm of the next block's stiffness, and its standard deviation; return an alarm, or None.
+
+        Each of the two sums has half of the rate: a sweep without a change raises either alarm with `rate`. The scores
+        of blocks with the standard deviation s have that of the block and of the reference's mean, s sqrt(1 + 1/n).
+        """
         self.seen.append(value)
         self.count += 1
         if not self.reference:
@@ -65,8 +69,8 @@ class Cusum:
         score = (value - sum(self.reference) / n) / (std * math.sqrt(1 + 1 / n))
         k = slack(self.step / std, self.rate / 2, self.blocks)
         alarm = None
-        for side, signed in enumerate((score, -score)):
-            increased = self.sums[side] + signed - k
+        for side, signed_score in enumerate((score, -score)):  # rises, then falls
+            increased = self.sums[side] + signed_score - k
             # A sum that falls to 0 begins again with the next block.
             if increased <= 0:
                 self.sums[side], self.since[side] = 0.0, self.count
@@ -74,7 +78,7 @@ class Cusum:
             self.sums[side] = increased
             if increased > threshold(k, self.rate / 2, self.blocks):
                 p = min(1.0, 2 * self.blocks / run_length(k, increased))
-                alarm = Alarm(side == 0, self.since[side], self.count - 1, p)
+                alarm = Alarm(rising=side == 0, since=self.since[side], at=self.count - 1, p=p)
         # After an alarm the reference is what came since the change.
         if alarm is None:
             self.reference.append(value)

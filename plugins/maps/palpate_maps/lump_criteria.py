@@ -14,7 +14,7 @@ from palpate_maps.body_field import FWHM, BodyFit
 _LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
 _LONG_OVER_WIDE = 1.5  # beyond which a wider lump is not round
 
-FEWEST = 8  # sites; fewer have no surroundings: a choice
+MIN_SITES = 8  # of a sweep or an area; fewer have no surroundings: a choice
 
 SweepMethod = Literal["prominence", "cusum"]
 

@@ -11,7 +11,7 @@ from palpate import Floats, LogError
 from palpate_kit.numerics.gaussian_process import GaussianProcess, whiten
 from palpate_kit.numerics.normalised_error import COVERAGE
 
-from palpate_maps.lump_criteria import FEWEST
+from palpate_maps.lump_criteria import MIN_SITES
 from palpate_maps.sites import Sites, site_numbers
 from palpate_maps.stiffness_field import LEAST_STD, MAX_USED, FieldKernel, fit_kernel, thinned
 
@@ -68,8 +68,8 @@ def map_agreement(first: Sites, second: Sites, common_std: float = 0.0) -> MapAg
     covered, nearest = _covered(first, second)
     rows = covered & (np.bincount(number, ~covered)[number] == 0)
     count = len(np.unique(number[rows]))
-    if count < FEWEST:
-        raise LogError(f"both cover {count} places {1e3 * WIDTH:g} mm wide; {FEWEST} are needed to compare them")
+    if count < MIN_SITES:
+        raise LogError(f"both cover {count} places {1e3 * WIDTH:g} mm wide; {MIN_SITES} are needed to compare them")
     difference, interpolation = _field_difference(first, second, first.place[rows])
     # Means over the places.
     group = np.unique(number[rows], return_inverse=True)[1]
@@ -160,7 +160,7 @@ class _SamenessTest:
 
     def shares(self, differences: Floats) -> Floats:
         """Return the shares (d,) of the stated standard deviation by which differences (d, n) scatter, 1 at most."""
-        rows = self.exact if np.count_nonzero(self.exact) >= FEWEST else np.ones(len(self.exact), bool)
+        rows = self.exact if np.count_nonzero(self.exact) >= MIN_SITES else np.ones(len(self.exact), bool)
         scaled = differences[:, rows] / self.stated[rows]
         deviation = np.abs(scaled - np.median(scaled, axis=1, keepdims=True))
         return np.asarray(np.clip(np.median(deviation, axis=1) / _MEDIAN_DEVIATION, _MIN_SHARE, 1.0))

@@ -12,7 +12,7 @@ from palpate_maps.baseline_sites import (
     welch,
 )
 from palpate_maps.curve_sites import read_curve_sites
-from palpate_maps.lump_criteria import FEWEST, Findings, Lump, LumpSettings, SweepMethod
+from palpate_maps.lump_criteria import MIN_SITES, Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.lumps import find_lumps
 from palpate_maps.map_grid import StiffnessMap, make_map
 from palpate_maps.next_places import Knowledge, Proposal, is_placed
@@ -24,7 +24,7 @@ from palpate_maps.sites import Sites, line_coordinate, sites_along
 from palpate_maps.surface_map import sites_on
 
 __all__ = [
-    "FEWEST",
+    "MIN_SITES",
     "Area",
     "Baseline",
     "Comparison",

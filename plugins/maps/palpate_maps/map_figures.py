@@ -25,6 +25,7 @@ _CURVE_WIDTH = 0.8  # of a picture's height: the curve of what is excluded, with
 _SWEEP_RATIOS = (3, 1)  # of the widths of a sweep and of the curve of what it excludes
 _LONE_CELL = 1.0  # [mm] of a map of one row or column: the default cell
 _SQUARE_CENTIMETRE = 100  # [mm^2]
+_MAX_DENSITY = 100.0  # [% per cm^2] of the colour scale: one patch; more would hide where a patch is likely
 _HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
 
 
@@ -96,18 +97,25 @@ def hiding_picture(
 def _patch_density(hiding: Hiding, cells: Cells) -> tuple[Floats, list[float]]:
     """Return the expected patches (rows, columns) [% per cm^2], at most 100, and their extent in x and y [mm].
 
-    Cells without a place are NaN. Places that take only every n-th column or row of the grid make a picture of cells
-    that are n times as wide.
+    `cells` has column and row (m, 2) of each place in the grid that it was chosen from. The cell of a place is as wide
+    as the least distance between two columns that have places: n steps of the grid where every n-th one has. The pixels
+    are the greatest common divisor of all distances, so that each cell lies about its place and is made of whole
+    pixels; pixels outside all cells are NaN.
     """
     places = 1e3 * hiding.middles[:, :2]
     steps = grid_steps(places, cells)
-    lines = [np.unique(numbers) for numbers in cells.T]
-    strides = np.array([np.diff(line).min() if len(line) > 1 else 1 for line in lines])
-    cell_size = np.where(np.isfinite(steps), steps * strides, _LONE_CELL)
-    columns, rows = ((cells - cells.min(axis=0)) // strides).T
-    field = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+    gaps = [np.diff(np.unique(indices)) for indices in cells.T]
+    pixels = np.array([np.gcd.reduce(gap) if len(gap) else 1 for gap in gaps])  # [steps]
+    widths = np.array([gap.min() if len(gap) else 1 for gap in gaps])  # [steps] of a cell
+    cell_size = np.where(np.isfinite(steps), steps * widths, _LONE_CELL)
     cell_area = cell_size[0] * cell_size[1] / _SQUARE_CENTIMETRE
-    field[rows, columns] = np.minimum(100 * hiding.expected / cell_area, 100.0)
+    density = np.minimum(100 * hiding.expected / cell_area, _MAX_DENSITY)
+    # The pixels of each cell, from its first column and row on.
+    columns, rows = ((cells - cells.min(axis=0)) // pixels).T
+    columns_in_cell, rows_in_cell = widths // pixels
+    field = np.full((rows.max() + rows_in_cell, columns.max() + columns_in_cell), np.nan)
+    for row, column in np.ndindex(rows_in_cell, columns_in_cell):
+        field[rows + row, columns + column] = density
     lowest, highest = places.min(axis=0) - cell_size / 2, places.max(axis=0) + cell_size / 2
     return field, [lowest[0], highest[0], lowest[1], highest[1]]
 

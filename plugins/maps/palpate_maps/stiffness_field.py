@@ -200,26 +200,37 @@ class StiffnessField:
         square = float(np.square(self.surprise).sum())
         return bool(self.surprise and chi2.sf(square, len(self.surprise)) < _SURPRISE)
 
-    def add(self, place: Floats, log: float, stated: float, level: float) -> float:
-        """Add a site; its innovation in standard deviations."""
+    def add(self, place: Floats, log: float, stated_variance: float, level: float) -> float:
+        """Add a site and return its innovation about a level of the logarithm [standard deviations].
+
+        A site is a place (2,) [m], the logarithm of its stiffness, and the variance that its estimator states of that.
+        The covariance K of the sites has one row more, and its factor L with K = L L^T the row
+        [row, pivot] = [L^-1 k, sqrt(k_0 - row.row)], k the covariances with the sites before and k_0 the variance. Each
+        column that L^-1 whitens has one element more, (its new element - row.(whitened column))/pivot.
+        """
         n = len(self.log)
         if n == len(self._lower):
             room = n // 2 + _MIN_ROOM
             self._lower = np.pad(self._lower, ((0, room), (0, room)))
             self._cross, self._white = (np.pad(rows, ((0, room), (0, 0))) for rows in (self._cross, self._white))
-        # The site's row of the factor, and its diagonal element.
+        # The site's row of the factor.
         row = whiten(self._lower[:n, :n], self.kernel.between(self.place, place[None])[:, 0])
-        variance = self.kernel.variance + self.kernel.noise + stated + _JITTER
+        variance = self.kernel.variance + self.kernel.noise + stated_variance + _JITTER
         pivot = float(np.sqrt(max(variance - float(row @ row), _JITTER)))
-        self._lower[n, :n], self._lower[n, n] = row, pivot
-        # Its covariances with the nodes, and its logarithm and level, whitened.
+        self._lower[n, :n] = row
+        self._lower[n, n] = pivot
+        # The whitened covariances with the nodes (m,), and the whitened logarithm and constant 1.
         cross = (self.kernel.between(place[None], self.nodes)[0] - row @ self._cross[:n]) / pivot
         white = (np.array([log, 1.0]) - row @ self._white[:n]) / pivot
-        self._cross[n], self._white[n] = cross, white
+        self._cross[n] = cross
+        self._white[n] = white
+        # Mean and variance at the nodes are sums over the sites of products of whitened elements.
         self._sums += np.outer(white, cross)
         self._variance -= cross**2
-        self.place, self.log = np.vstack([self.place, place]), np.append(self.log, log)
-        self.stated = np.append(self.stated, stated)
+        self.place = np.vstack([self.place, place])
+        self.log = np.append(self.log, log)
+        self.stated = np.append(self.stated, stated_variance)
+        # Whitened log - level, which has a variance of 1.
         return float(white[0] - level * white[1])
 
     def mean(self, level: float) -> Floats:

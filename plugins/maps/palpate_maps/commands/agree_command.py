@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -129,25 +129,22 @@ def _run_map(run: Path, name: str, track: str, parameter: str | None) -> RunMap:
 
 
 def _pairs(maps: list[RunMap]) -> list[RunPair]:
-    """Return the agreement of every two runs."""
+    """Return the agreement of every two runs, with p-values that are corrected for their number."""
     from palpate_maps.map_agreement import map_agreement
     from palpate_maps.rig_share import fact_differences
 
-    compared = []
-    for first, second in combinations(maps, 2):
-        differing = fact_differences(first.folder, second.folder)
-        # Of each run its tare; where the facts differ, those of rig and law of both.
-        shares = [first.common.run, second.common.run]
-        if differing:
-            shares += [first.common.rig, second.common.rig]
-        compared.append(
-            (first.name, second.name, map_agreement(first.sites, second.sites, math.hypot(*shares)), differing)
-        )
-    corrected = holm([agreement.p for _, _, agreement, _ in compared])
     pairs = []
-    for (first_name, second_name, agreement, differing), p in zip(compared, corrected, strict=True):
-        pairs.append(RunPair(first_name, second_name, agreement, differing, p))
-    return pairs
+    for first, second in combinations(maps, 2):
+        differing_facts = fact_differences(first.folder, second.folder)
+        # Relative standard uncertainties that all places of a run share: each run has another error of its tare; those
+        # of rig and law are the same errors in both runs, and count only where the facts differ.
+        common_stds = [first.common.run, second.common.run]
+        if differing_facts:
+            common_stds += [first.common.rig, second.common.rig]
+        agreement = map_agreement(first.sites, second.sites, math.hypot(*common_stds))
+        pairs.append(RunPair(first.name, second.name, agreement, differing_facts, agreement.p))
+    corrected = holm([pair.p for pair in pairs])
+    return [replace(pair, p=p) for pair, p in zip(pairs, corrected, strict=True)]
 
 
 def _table(pairs: list[RunPair]) -> Table:

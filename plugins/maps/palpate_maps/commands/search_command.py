@@ -33,6 +33,7 @@ def search(
     parameter: Parameter = None,
     points: Annotated[int, typer.Option(help="Places in one round.", min=1)] = 3,
     aim: Annotated[str, typer.Option(help="find lumps, outline them at --contrast, or map the whole area.")] = "find",
+    # Choices: the least patch is 5 % stiffer than its surroundings, and as wide as the contact of a usual tip.
     contrast: Annotated[float, typer.Option(help="Contrast that counts as a lump.")] = 0.05,
     radius: Annotated[str, typer.Option(help="Radius, at half its height, of the least patch for --risk.")] = "5 mm",
     risk: Annotated[
@@ -45,9 +46,11 @@ def search(
     ] = None,
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and continue until a stop rule is met.")] = False,
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
+    # A choice: of 1000 places without a lump one would look certain.
     sure: Annotated[
         float, typer.Option(help="A lump is certain once points on it have a smaller p-value and leave it in place.")
     ] = 0.001,
+    # A choice: four periods of a sine of 2 Hz.
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
     yes: UnchangedOption = False,
     as_json: JsonOption = False,
@@ -74,20 +77,21 @@ def search(
         sure=sure,
     )
     with print_aside(as_json):
-        rounds = _begin(run, track, parameter, settings, box=box_of(area), palpation=palpation)
+        search_rounds = _begin(run, track, parameter, settings, box=box_of(area), palpation=palpation)
         if go:
-            demand_unchanged(rounds.state.motion.pipeline, yes)
-            rounds.visit_all(budget)
+            demand_unchanged(search_rounds.state.motion.pipeline, yes)
+            search_rounds.visit_all(budget)
         else:
-            _show(rounds.propose())
-        _tell_hiding(rounds.state, run, rounds.findings())
-    if rounds.state.warning:
-        typer.echo(f"warning: {rounds.state.warning}", err=True)
+            _show(search_rounds.propose())
+        _tell_hiding(search_rounds.state, run, search_rounds.findings())
+    if search_rounds.state.warning:
+        typer.echo(f"warning: {search_rounds.state.warning}", err=True)
     if as_json:
-        print_json(rounds.document)
+        print_json(search_rounds.document)
 
 
 def _demand_positive(seconds: dict[str, float]) -> None:
+    """Raise ConfigurationError for an option that is not a time above 0."""
     for option, value in seconds.items():
         if not 0 < value < math.inf:
             raise ConfigurationError(f"{option}: {value:g} s is not a time above 0")
@@ -139,7 +143,7 @@ class _SearchRounds:
 
         path, area = maps.read_path(self.run, self.track, self.parameter), self.state.area
         sites = maps.sites_along(path)
-        if maps.line_coordinate(sites) is not None or len(sites) < maps.FEWEST:
+        if maps.line_coordinate(sites) is not None or len(sites) < maps.MIN_SITES:
             return None
         sites = replace(sites, place=area.lift(sites.place))
         findings = maps.lumps_of_run(self.run, path, sites, None, area.places)
