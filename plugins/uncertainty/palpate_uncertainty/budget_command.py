@@ -37,24 +37,25 @@ def budget(
         typer.Option(metavar="N", help="Draw every declared input N times and estimate again (GUM Supplement 1)."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
-    layout: FormatOption = "table",
+    layout: FormatOption = "table",  # set for all tables by the option's callback
 ) -> None:
     """Every source of uncertainty of a run, and what it contributes to each value."""
     tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]
     if track is not None and track not in tracks:
         raise ConfigurationError(f"{run}: has no track {track!r}{suggest(track, tracks)}")
     chosen = {name: table for name, table in tracks.items() if track in (None, name)}
-    without = [name for name, table in chosen.items() if "budget" not in table]
-    if without:
+    without_budget = [name for name, table in chosen.items() if "budget" not in table]
+    if without_budget:
+        verb = "has" if len(without_budget) == 1 else "have"
         raise ConfigurationError(
-            f"{run}: {', '.join(without)} has no budget: the run is of an earlier version; replay it"
+            f"{run}: {', '.join(without_budget)} {verb} no budget: the run is of an earlier version; replay it"
         )
     # With --monte-carlo the draws stand next to the budget.
     draws = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
     if as_json:
         tables: dict[str, Any] = {name: table["budget"] for name, table in chosen.items()}
-        for name, of_track in draws.items():
-            facts = {"draws": monte_carlo, "seed": seed, "lost": of_track.lost, "parameters": of_track.table()}
+        for name, drawn in draws.items():
+            facts = {"draws": monte_carlo, "seed": seed, "lost": drawn.lost, "parameters": drawn.table()}
             tables[name] = {"budget": tables[name], "monte_carlo": facts}
         typer.echo(json.dumps(tables, indent=2))
         return
@@ -63,8 +64,8 @@ def budget(
         screen.print(_view(name, table) if details else _shares(name, table).view())
         for line in _notes(run, name, table):
             screen.print(line)
-    for of_track in draws.values():
-        _print_draws(screen, of_track, seed)
+    for drawn in draws.values():
+        _print_draws(screen, drawn, seed)
 
 
 def _notes(run: Path, name: str, track: Mapping[str, Any]) -> list[str]:

@@ -13,7 +13,7 @@ from palpate_kit.numerics.tip_travel import median
 
 Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a sample belongs to
 
-ENOUGH = 200  # samples at standstill (choice)
+MIN_SAMPLES = 200  # at standstill (choice)
 OUTLIER = 6.0  # standard deviations (choice); a value beyond them is an outlier, which is flagged as such
 MEDIAN_TO_STD = 1.4826  # standard deviation of normal noise over the median of its absolute value
 _MAX_ORDER = 30  # of the autoregression (choice)
@@ -61,7 +61,7 @@ def null_of(noise: Floats, source: Literal["standstill", "residual"] = "standsti
     """Return the autoregression (Burg 1968) of the order that BIC prefers; white where samples are too few."""
     noise = noise[np.isfinite(noise)]
     n = len(noise)
-    if n < ENOUGH or float(np.ptp(noise)) == 0.0:
+    if n < MIN_SAMPLES or float(np.ptp(noise)) == 0.0:
         return WHITE
     noise = noise - noise.mean()
     best, best_bic = np.zeros(0), n * math.log(float(np.mean(noise**2)))

@@ -12,7 +12,7 @@ from palpate_uncertainty.channel_noise import null_of
 
 # Choices, unless a source is named.
 AIR = 0.2  # [s] without contact that determines the noise
-READINGS = 100  # without contact that determine the noise
+MIN_READINGS = 100  # without contact that determine the noise
 REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves
 _AIR_HEIGHT_SHARE = 0.05  # of the way in contact, above which the air before it is air
 _BAND_BEGIN = 0.125  # of the band, from which on the residual of a model is noise
@@ -21,7 +21,8 @@ _FLATNESS_RATIO = 1.5  # by which parts of a flat band differ at most
 _FLATNESS_DEVIATIONS = 3.8  # standard deviations, the same of few readings
 _MIN_CHANGE_SHARE = 0.7  # of the readings, fewer of which differ from the one before where a sensor is held
 _MAX_REPEAT_SHARE = 0.02  # of the readings that equal the one before, above which the force comes in steps
-_HANN_VARIANCE = 1.94  # variance of the mean of lines of a Hann window, of that of independent ones (Harris 1978)
+# Lines of the power of a Hann window correlate by (2/3)^2 with the next ones, and by (1/6)^2 with those after them.
+_HANN_VARIANCE = 1.94  # variance of their mean, of that of independent lines: 1 + 2 (4/9 + 1/36) (Harris 1978)
 LAW_ROUNDING = 2e-6  # of the range of the force: the residual of a fit of a computed force where contact sets in
 _MIN_STEP_NOISES = 0.5  # of the noise, above which a step of the readings counts in addition
 _SMALLEST_SQUARE = 1e-300  # in a quotient, in place of 0: near the smallest double
@@ -82,15 +83,15 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     """Return the force (n,) [N] without contact: at standstill, else on the way in; None where both are too short."""
     is_finite = np.isfinite(track.air_force)
     time, force, height = track.air_time[is_finite], track.air_force[is_finite], track.air_position[is_finite]
-    if len(time) < READINGS:
+    if len(time) < MIN_READINGS:
         return None
     count = standstill_count(time, height)
-    if count < READINGS or time[count - 1] - time[0] < AIR:
+    if count < MIN_READINGS or time[count - 1] - time[0] < AIR:
         kept = track.kept.position
         way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
         is_near = height < track.surface + _AIR_HEIGHT_SHARE * way
         count = int(np.argmax(is_near)) if is_near.any() else len(height)
-    if count < READINGS or time[count - 1] - time[0] < AIR:
+    if count < MIN_READINGS or time[count - 1] - time[0] < AIR:
         return None
     return np.asarray(force[:count])
 
@@ -105,7 +106,7 @@ def standstill_count(time: Floats, height: Floats) -> int:
     if not is_finite.any():
         return len(height)
     # The first moments: as long as a noise needs.
-    window = is_finite & (np.arange(len(height)) < READINGS) | is_finite & (time <= time[0] + AIR)
+    window = is_finite & (np.arange(len(height)) < MIN_READINGS) | is_finite & (time <= time[0] + AIR)
     if not window.any():
         return 0
     # The line through them, and the scatter about it.
@@ -122,14 +123,15 @@ def standstill_count(time: Floats, height: Floats) -> int:
 
 
 def upper_band(residual: Floats, readings: Floats) -> ForceNoise | None:
-    """Return white noise of at most the power of the upper band of a residual (n,) [N] of readings (m,) [N].
+    """Return the white noise of a residual (n,) [N] of readings (m,) [N], by the upper band of its spectrum.
 
-    None if the band is not flat, or below the step of the readings. Few samples show little of its flatness, so that
-    their parts may differ by as much as chance makes them differ.
+    The band has four parts; the noise is the power of the largest. None if the parts differ by more than 1.5 times and
+    by more than 3.8 standard deviations of chance, if the standard deviation of the smallest is below the least step of
+    the readings, if a sensor holds its readings, and of fewer than 100 samples.
     """
     steps = np.abs(np.diff(readings))
     is_held = np.count_nonzero(steps) < _MIN_CHANGE_SHARE * len(steps)
-    if len(residual) < READINGS or not np.isfinite(residual).all() or is_held:
+    if len(residual) < MIN_READINGS or not np.isfinite(residual).all() or is_held:
         return None
     # The spectrum of second differences over that of their filter, (2 sin(w/2))^4: of the residual, without leakage.
     window = np.hanning(len(residual))
@@ -137,8 +139,10 @@ def upper_band(residual: Floats, readings: Floats) -> ForceNoise | None:
     angle = np.linspace(0.0, np.pi, len(power))[int(_BAND_BEGIN * len(power)) :]
     band = power[-len(angle) :] / (2.0 * np.sin(angle / 2.0)) ** 4
     parts = [float(np.mean(part)) for part in np.array_split(band, _BAND_PARTS)]
-    deviation = np.sqrt(_HANN_VARIANCE * _BAND_PARTS / len(band))  # of the logarithm of a part's mean
+    deviation = np.sqrt(_HANN_VARIANCE * _BAND_PARTS / len(band))  # of the logarithm of a part's mean, by chance
     max_ratio = max(_FLATNESS_RATIO, float(np.exp(_FLATNESS_DEVIATIONS * deviation)))
-    if max(parts) > max_ratio * min(parts) or not float(steps[steps > 0].min()) < min(parts) ** 0.5:
+    is_flat = max(parts) <= max_ratio * min(parts)
+    is_above_step = min(parts) ** 0.5 > float(steps[steps > 0].min())
+    if not (is_flat and is_above_step):
         return None
-    return ForceNoise(max(parts) ** 0.5, np.zeros(0), len(band))
+    return ForceNoise(std=max(parts) ** 0.5, coefficients=np.zeros(0), readings=len(band))

@@ -23,14 +23,16 @@ _WALK_SLOPE_VARIANCE = 6 / 5  # of the slope of a line through a random walk, of
 _FADING_RATIO = 0.96  # of the variance half a tail ago, above which an estimator does not learn: a choice
 
 
-def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: float, samples: int) -> Floats:
+def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: float, sample_count: int) -> Floats:
     """Return the least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
 
-    The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the kept samples, which
-    stand for all. Not finite where they or the estimate at the tail say nothing, and for a model with memory.
+    They are the roots of the diagonal of Cramer and Rao's bound noise^2 (J^T J)^-1, J the slopes of the force in
+    parameters and depth along the kept samples, which stand for all of the track's samples. `tail` are the estimates at
+    the end of the track, at the last of which J is taken. Infinite where no kept sample or no slope is a number, where
+    the force does not depend on a parameter, and for a model with memory, whose force is no function of depth and rate.
     """
     unbounded = np.full(len(model.parameters), np.inf)
-    theta, used = tail.values[-1], kept.used
+    theta, used = tail.values[-1], kept.used  # the tail's last estimate
     depth, rate = float(tail.surface[-1]) - kept.position[used], -kept.velocity[used]
     rows = np.isfinite(depth) & np.isfinite(rate) & (depth > 0)
     if model.memory or not rows.any() or not np.isfinite(theta).all():
@@ -39,7 +41,8 @@ def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: fl
     slopes = np.column_stack([by_parameter, by_depth])
     if not (np.isfinite(slopes).all() and slopes.any(axis=0).all()):
         return unbounded
-    return np.asarray(noise * standard_errors(slopes) / np.sqrt(samples / len(depth)))[:-1]
+    samples_each = sample_count / len(depth)  # that a kept sample stands for
+    return np.asarray(noise * standard_errors(slopes) / np.sqrt(samples_each))[:-1]  # without the surface
 
 
 def slope_by_chance(tail: Tail) -> Floats:

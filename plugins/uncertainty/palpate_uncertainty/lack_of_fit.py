@@ -13,9 +13,9 @@ from palpate_engine import remedy_of
 from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.discrepancy import Misfit, has_layer, judge_misfit
 from palpate_uncertainty.force_noise import air_readings, rounding_noise
-from palpate_uncertainty.refit import free_unknowns, make_course, moves_along, possible
+from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_along, possible
 from palpate_uncertainty.refitted_model import (
-    ENOUGH,
+    MIN_REFIT_SAMPLES,
     SETTLED,
     RefittedModel,
     by_innovations,
@@ -31,7 +31,7 @@ from palpate_uncertainty.score_tests import LEVEL
 
 _STRETCH_DURATION = 4.0  # [s] in the middle of a sweep, refitted for the cause of its misfit, a choice (decision 0110)
 _SWEEP_MISFIT = 0.015  # of the variance of innovations; at most 0.010 of 68 tracks of clean sweeps (decision 0110)
-_FIRST_DEPTH = 3e-3  # [m] of the middle of the stretch, from which the search for its surface starts, a choice
+_INITIAL_DEPTH = 3e-3  # [m] of the middle of the stretch, from which the search for its surface starts, a choice
 _UNTESTED = "the residual is noise alone, which was not tested"
 
 
@@ -91,13 +91,14 @@ def _judge(track: TrackEvidence) -> Diagnosed | None:
     if not np.isfinite(track.kept.velocity).any():
         raise ValueError("no sample in contact has a known speed; is [alignment] gap below the interval of readings?")
     contact_rows = judged_rows(track)
-    if not make_course(track, contact_rows).used.any():
+    course = make_course(track, contact_rows)
+    if not course.used.any():
         return None
     # The way of the judgement, by motion, estimator and noise.
     is_fit = _is_fit(track)
-    has_enough_samples = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= ENOUGH
+    has_enough_samples = np.count_nonzero(track.kept.used & ~track.kept.hesitating) >= MIN_REFIT_SAMPLES
     if moves_along(track) and not is_fit:
-        return _judge_sweep(track) if has_enough_samples else None
+        return _judge_sweep(track, course) if has_enough_samples else None
     if is_fit and getattr(track.estimator, "unloading", "following") == "ting":
         test = by_innovations(track)
         return explained(track, test, refitted_model(track)) if test.p < LEVEL else misfit_table(test)
@@ -148,12 +149,13 @@ def _untested(track: TrackEvidence, base: RefittedModel) -> Diagnosed:
     return Diagnosed(terms=terms, surface=surface, table={"discrepancy": math.sqrt(excess)})
 
 
-def _judge_sweep(track: TrackEvidence) -> Diagnosed | None:
+def _judge_sweep(track: TrackEvidence, course: Course) -> Diagnosed | None:
     """Return the tests of an estimator's innovations along a sweep, and the causes of a misfit by a refit of a stretch.
 
-    None for an estimator that looks for one value (`identifiability` judges it), and for one that fades without knowing
-    of the sweep, whose innovations are never white. One that knows leaves a pattern of up to 1 % of the variance of its
-    innovations where nothing is wrong.
+    `course` has the samples that the track used, at least one. None for an estimator that looks for one value
+    (`identifiability` judges it), for one with adaptive fading, whose innovations are never white since it does not
+    know of the sweep, and for one that reports no innovations. One that knows of the sweep leaves a pattern of up to
+    1 % of the variance of its innovations where nothing is wrong (measured, see `_SWEEP_MISFIT`).
     """
     knows_of_sweep = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
     if not knows_of_sweep or not np.isfinite(track.kept.innovation).any():
@@ -162,14 +164,13 @@ def _judge_sweep(track: TrackEvidence) -> Diagnosed | None:
     if test.p >= LEVEL or test.misfit < _SWEEP_MISFIT:
         return misfit_table(test)
     # The causes are sought on a stretch in the middle, short enough for one value to hold.
-    course = make_course(track, track.kept.used)
     rows = np.flatnonzero(course.used)
     middle_time = course.time[rows[len(rows) // 2]]
     in_stretch = course.used & (np.abs(course.time - middle_time) < _STRETCH_DURATION / 2)
-    if np.count_nonzero(in_stretch) < ENOUGH:
+    if np.count_nonzero(in_stretch) < MIN_REFIT_SAMPLES:
         return misfit_table(test)
     stretch = replace(course, used=in_stretch)
-    first_surface = float(np.median(course.height[in_stretch])) + _FIRST_DEPTH
-    fit = refit(stretch, track.values, first_surface)
-    base = with_noise(track, stretch, fit)
-    return explained(replace(track, values=fit.theta, surface=fit.surface), test, base)
+    initial_surface = float(np.median(course.height[in_stretch])) + _INITIAL_DEPTH
+    fit = refit(stretch, track.values, initial_surface)
+    refitted = with_noise(track, stretch, fit)
+    return explained(replace(track, values=fit.theta, surface=fit.surface), test, refitted)

@@ -25,7 +25,7 @@ from palpate_uncertainty.refit import Course, free_unknowns, make_course, moves_
 from palpate_uncertainty.score_tests import LEVEL
 from palpate_uncertainty.whiteness import PHASES, WhitenessTest, oscillation, whiteness_tests
 
-ENOUGH = 300  # samples in contact, to test a refit on
+MIN_REFIT_SAMPLES = 300  # in contact, to test a refit on
 _MAX_EXPLAINED_SHARE = 0.999  # of a variance, that may be a pattern; the rest is noise, over which a gain is counted
 _MIN_DEPTH_SHARE = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _SMALLEST_VARIANCE = 1e-300  # in a quotient, in place of 0: near the smallest double
@@ -184,9 +184,9 @@ def standstill(track: TrackEvidence) -> Floats:
 def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
     """Return the noise at standstill; where none was recorded, the residual's own less its pattern over phase."""
     noise = standstill(track)
-    if np.count_nonzero(np.isfinite(noise)) >= channel_noise.ENOUGH:
+    if np.count_nonzero(np.isfinite(noise)) >= channel_noise.MIN_SAMPLES:
         return null_of(noise)
-    if len(residual) < ENOUGH:
+    if len(residual) < MIN_REFIT_SAMPLES:
         return WHITE
     without_pattern = residual.copy()
     if phase is not None:
@@ -212,44 +212,57 @@ def misfit_table(test: WhitenessTest) -> Diagnosed:
     return Diagnosed(table={"p": test.p, "tests": dict(test.tests), "null": test.null}, settles=settled)
 
 
-def explained(track: TrackEvidence, test: WhitenessTest, base: RefittedModel) -> Diagnosed:
+def explained(track: TrackEvidence, test: WhitenessTest, refitted: RefittedModel) -> Diagnosed:
     """Return the row, and the note or finding, of a misfit that a `test` shows in a refit or in innovations.
 
-    Without a noise that is known, the misfit is the share s of the variance that has a pattern, by the test that sees
-    most of it; the rest of the variance is noise.
+    The residual of the refit has n samples of variance v, a share s of which has a pattern: the largest share by a test
+    of whiteness, or by a significant one along an alternative. The misfit is s v; the rest, (1 - s) v, is the variance
+    of the noise, over which the pattern's sum of squares n s v is a chi square of n s/(1 - s). The judgement settles
+    the flags in `SETTLED`, which say less of the same.
     """
-    residual = base.fit.residual
+    residual = refitted.fit.residual
     n, variance = len(residual), max(float(np.var(residual)), _SMALLEST_VARIANCE)
-    significant_shares = [test.share for test in base.directed.values() if test.p * len(base.directed) < LEVEL]
-    share = min(max(base.test(residual).misfit, test.misfit, *significant_shares, 0.0), _MAX_EXPLAINED_SHARE)
+    # Tests along the alternatives, significant after Bonferroni's correction for their number.
+    directed_tests_made = refitted.directed
+    shares = [refitted.test(residual).misfit, test.misfit, 0.0]
+    for directed_test in directed_tests_made.values():
+        if directed_test.p * len(directed_tests_made) < LEVEL:
+            shares.append(directed_test.share)
+    share = min(max(shares), _MAX_EXPLAINED_SHARE)
     noise_variance = variance * (1.0 - share)
+    is_free = free_unknowns(track)
     misfit = Misfit(
-        p=min(test.p, base.p),
+        p=min(test.p, refitted.p),
         excess=variance * share,
-        variation=float(np.std(base.course.force[base.course.used])),
+        variation=float(np.std(refitted.course.force[refitted.course.used])),
         pattern=n * share / (1.0 - share),
-        jacobian=base.slopes,
-        is_fitted=free_unknowns(track).tolist(),
-        explanations=_explanations(base, n, variance, noise_variance),
+        jacobian=refitted.slopes,
+        is_fitted=is_free.tolist(),
+        explanations=_explanations(refitted, n, variance, noise_variance),
     )
-    remark = "" if base.null.source == "standstill" else "; no standstill gives the noise"
-    table = dict(misfit_table(test).table) | {"directed": {name: test.p for name, test in base.directed.items()}}
-    prediction = base.prediction(free_unknowns(track), noise_variance)
+    # A noise that no standstill shows is only named: the judgement is the same.
+    remark = "" if refitted.null.source == "standstill" else "; no standstill gives the noise"
+    table = dict(misfit_table(test).table)
+    table["directed"] = {reason: directed_test.p for reason, directed_test in directed_tests_made.items()}
+    prediction = refitted.prediction(is_free, noise_variance)
     if prediction is not None:
         table["prediction"] = prediction.table()
-    return replace(judge_misfit(misfit, track.model.parameters, table, remark, has_layer(track.model)), settles=SETTLED)
+    finding = judge_misfit(misfit, track.model.parameters, table, remark, has_layer(track.model))
+    return replace(finding, settles=SETTLED)
 
 
-def _explanations(base: RefittedModel, count: int, variance: float, noise_variance: float) -> dict[str, Explanation]:
+def _explanations(
+    refitted: RefittedModel, count: int, variance: float, noise_variance: float
+) -> dict[str, Explanation]:
     """Return, by reason, the alternatives whose refit lowers the residual's variance [N^2].
 
     The gain, a chi square of as many degrees of freedom as the alternative adds numbers, is the decrease of the sum of
     the `count` squares over the variance of the noise [N^2].
     """
     explanations = {}
-    for other in base.others:
+    for other in refitted.others:
         gain = count * max(variance - float(np.var(other.residual)), 0.0) / noise_variance
-        shifts = np.max(np.abs(other.candidates - base.fit.theta), axis=0)
+        shifts = np.max(np.abs(other.candidates - refitted.fit.theta), axis=0)
         if other.reason and gain > 0:
             chance = chance_of_more(max(other.extra, 1), gain)
             explanations[other.reason] = Explanation(gain, other.extra, chance, count, shifts)
