@@ -41,7 +41,7 @@ _MIN_RISE = 3.0  # steps of the resolution, by which what only contact explains 
 _MAX_NOISE = 2.0  # standard deviations of the noise, that law or hum may leave
 _MAX_MISFIT = 0.2  # of its rise, that the law may leave in addition
 _MAX_MISFIT_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
-_PARTS = (8, 32)  # of a residual, whose means show how many readings count as one
+_PART_COUNTS = (8, 32)  # of parts of a residual, whose means show how many readings count as one
 
 
 @dataclass(frozen=True)
@@ -224,4 +224,4 @@ def resolution(values: Floats) -> float:
 
 def _readings_as_one(residual: Floats) -> float:
     """Return how many readings count as one, by the parts that show most."""
-    return max((samples_as_one(residual, parts) for parts in _PARTS if len(residual) >= parts), default=1.0)
+    return max((samples_as_one(residual, parts) for parts in _PART_COUNTS if len(residual) >= parts), default=1.0)

@@ -101,13 +101,15 @@ def merge_batches(links: Mapping[str, Link], devices: Mapping[str, Device]) -> I
     heads: dict[str, Batch] = {}  # the next batch of each device
     while True:
         # The next batch of the devices that have none waiting; those at their end drop out.
-        for name in [name for name in sources if name not in heads]:
-            batch = next((batch for batch in sources[name] if len(batch.time)), None)
-            if batch is None:
+        for name in tuple(sources):
+            if name in heads:
+                continue
+            head = next((batch for batch in sources[name] if len(batch.time)), None)
+            if head is None:
                 del sources[name]
             else:
-                heads[name] = batch
+                heads[name] = head
         if not heads:
             return
-        name = min(heads, key=lambda name: int(heads[name].received[0]))
-        yield name, heads.pop(name)
+        earliest = min(heads, key=lambda device: int(heads[device].received[0]))
+        yield earliest, heads.pop(earliest)

@@ -33,11 +33,12 @@ def contradictions(tracks: Mapping[str, TrackResult]) -> dict[str, Flag]:
     # The tracks that most others contradict are named, and their pairs settled, until no pair remains.
     flags: dict[str, Flag] = {}
     while pairs:
-        counts = Counter(name for pair in pairs for name in pair)
+        counts = Counter(track for pair in pairs for track in pair)
         largest_count = max(counts.values())
-        for name in [name for name in good if counts[name] == largest_count]:
-            flags[name] = _contradiction_of(name, pairs)
-        pairs = {pair: distances for pair, distances in pairs.items() if not flags.keys() & set(pair)}
+        for name in good:
+            if counts[name] == largest_count:
+                flags[name] = _contradiction_of(name, pairs)
+        pairs = {pair: by_parameter for pair, by_parameter in pairs.items() if not flags.keys() & set(pair)}
     return flags
 
 
@@ -61,7 +62,9 @@ def _is_swept(track: TrackResult) -> bool:
 def _contradictory_distances(first: TrackResult, second: TrackResult) -> dict[str, float]:
     """Return the distances of those values of two tracks that contradict each other, by name."""
     distances = {}
-    for name in [name for name in first.parameters if name in second.parameters]:
+    for name in first.parameters:
+        if name not in second.parameters:
+            continue
         first_value, second_value = first.parameters[name], second.parameters[name]
         distance = abs(first_value.value - second_value.value)
         if distance > _MAX_DISTANCE * max(first_value.combined, second_value.combined):

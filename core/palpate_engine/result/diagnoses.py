@@ -110,7 +110,9 @@ def diagnosis_order(diagnoses: Mapping[str, Diagnosis]) -> list[tuple[str, list[
     all_predecessors = dict[str, set[str]]()  # predecessors, and theirs in turn
     while sorter.is_active():
         ready = set(sorter.get_ready())
-        for name in (name for name in diagnoses if name in ready):
+        for name in diagnoses:
+            if name not in ready:
+                continue
             all_predecessors[name] = predecessors[name].union(
                 *(all_predecessors[other] for other in predecessors[name])
             )

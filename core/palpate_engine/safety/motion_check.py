@@ -87,7 +87,7 @@ class _Stretch:
             depth = float((-height).max(initial=0.0))
             if limits.tool is not None:
                 clearance = tool_clearance(limits.tool, times, setpoint, surface)
-        turn, turn_apart = _turns(times, setpoint, limits)
+        turn, turn_apart = _turns(times, setpoint)
         return cls(
             times=(float(times[0]), float(times[-1])),
             reach=Reach.of(times, setpoint),
@@ -206,7 +206,7 @@ def _clearance_problems(clearance: ToolGap) -> list[str]:
     ]
 
 
-def _turns(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> tuple[float, float]:
+def _turns(times: Floats, setpoint: Setpoint) -> tuple[float, float]:
     """Return the fastest turn [rad/s], stated or done, and how far both are apart beyond what the stated one changes
     by."""
     if setpoint.rotation is None or setpoint.angular_velocity is None or len(times) < 2:

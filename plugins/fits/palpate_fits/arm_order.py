@@ -29,7 +29,8 @@ def places_in_order(model: ContactModel, theta: Floats) -> list[int]:
     """Return, for each parameter of the ordered model, its place among these (k,): arms by rising last value."""
     arms = model.interchangeable
     places = list(range(len(model.parameters)))
-    for arm, ordered_arm in zip(arms, sorted(arms, key=lambda arm: float(theta[arm[-1]])), strict=True):
+    ordered_arms = sorted(arms, key=lambda places_of_arm: float(theta[places_of_arm[-1]]))
+    for arm, ordered_arm in zip(arms, ordered_arms, strict=True):
         for place, ordered_place in zip(arm, ordered_arm, strict=True):
             places[place] = ordered_place
     return places

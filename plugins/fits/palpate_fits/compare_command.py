@@ -30,7 +30,7 @@ def compare(
     pictures: PicturesOption = True,
     as_json: JsonOption = False,
     details: DetailsOption = False,
-    layout: FormatOption = "table",
+    layout: FormatOption = "table",  # set for all tables by the option's callback
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
 ) -> None:
@@ -55,7 +55,7 @@ def cycles(
     pictures: PicturesOption = True,
     as_json: JsonOption = False,
     details: DetailsOption = False,
-    layout: FormatOption = "table",
+    layout: FormatOption = "table",  # set for all tables by the option's callback
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
 ) -> None:

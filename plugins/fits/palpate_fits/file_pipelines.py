@@ -133,10 +133,10 @@ def _file_group(
     path = Path(f"pipeline of {first.name}")
     text = tomli_w.dumps(_tables(suggestion, first.path, parts, settings))
     pipeline = _built(text, path, stated.overrides)
-    certain = [text for key, text in suggestion.guesses.items() if f"{_READER}{key}" in settings]
+    certain = [guess for key, guess in suggestion.guesses.items() if f"{_READER}{key}" in settings]
     more_files = f" and {len(alike.logs) - 1} more" if len(alike.logs) > 1 else ""
-    doubts = [f"{file.name}: {text}" for file in alike.logs for text in _other_tips(by_file[file], pipeline)]
-    doubts += [f"{first.name}{more_files}: {text}" for text in suggestion.doubts if text not in certain]
+    doubts = [f"{file.name}: {doubt}" for file in alike.logs for doubt in _other_tips(by_file[file], pipeline)]
+    doubts += [f"{first.name}{more_files}: {doubt}" for doubt in suggestion.doubts if doubt not in certain]
     return FileGroup(text, path, pipeline, tuple(doubts), [file.curve for file in alike.logs])
 
 

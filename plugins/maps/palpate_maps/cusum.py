@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -148,7 +149,7 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     for begin, end, p in _raised_spans(curve, settings):
         inside = [peak for peak in candidates if begin - half <= peak.highest <= end + half]
         if inside:
-            peak = max(inside, key=lambda peak: peak.height)
+            peak = max(inside, key=attrgetter("height"))
             highest[peak] = min(p, highest.get(peak, 1.0))
     lumps = [lump_of_peak(curve, peak, settings, p) for peak, p in highest.items()]
     return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")

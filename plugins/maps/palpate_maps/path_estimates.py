@@ -116,12 +116,12 @@ def _over_places(of_record: UncertainValue, numbers: Floats, last: Floats) -> Un
 def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: Floats) -> DerivedValue:
     """Return a value that is derived from the parameters, place by place."""
 
-    def material(row: Floats) -> tuple[float, float]:
-        value = next(value for value in model.material(row.tolist()) if value.name == derived.name)
-        return value.value, derived.found.std
+    def value_and_std(row: Floats) -> tuple[float, float]:
+        value_by_name = {material.name: material.value for material in model.material(row.tolist())}
+        return value_by_name[derived.name], derived.found.std
 
-    numbers = np.array([material(row) for row in values])
-    return replace(derived, found=_over_places(derived.found, numbers, np.array(material(last))))
+    numbers = np.array([value_and_std(row) for row in values])
+    return replace(derived, found=_over_places(derived.found, numbers, np.array(value_and_std(last))))
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, UncertainValue]) -> BudgetRow:

@@ -165,7 +165,7 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     """Return the path of a part by a track, or by its best one; None where it has no usable estimates of it."""
     tables = part.tables
     track = track or next(iter(tracks_of(part.path)), None)
-    table = next((table for table in tables if track in table.tracks), None)
+    table = next((candidate for candidate in tables if track in candidate.tracks), None)
     if track is None or table is None:
         return None
     path = _path(part, table.track(track), track, parameter)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ def update_progress(
     """Return every lump of a round against those of the round before; the surest first."""
     known = [item.lump for item in before]
     progress = []
-    for lump in sorted(findings.lumps, key=lambda lump: lump.p):
+    for lump in sorted(findings.lumps, key=attrgetter("p")):
         nearest = min(known, key=lambda other: lumps_apart(other, lump, area.lift), default=None)
         beyond, cut = borders(sites, lump, area)
         # Checked by a point of it, or by passes of its highest place.

@@ -164,9 +164,10 @@ def _view(name: str, track: Mapping[str, Any]) -> Any:
     table.add_column("u", justify="right")
     for parameter, value in parameters.items():
         table.add_column(f"{parameter}\n{_estimate_text(value)}", justify="right")
+    units = {parameter: value["unit"] for parameter, value in parameters.items()}
     for row in track["budget"]:
         std = "" if row["std"] is None else _shown(row["std"], row["unit"])
-        cells = [_cell(row["effects"].get(name), value["unit"]) for name, value in parameters.items()]
+        cells = [_cell(row["effects"].get(parameter), unit) for parameter, unit in units.items()]
         table.add_row(row["source"], std, *cells)
     table.add_section()
     table.add_row("combined", "", *(_combined(value) for value in parameters.values()))

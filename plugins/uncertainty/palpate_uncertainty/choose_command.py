@@ -43,7 +43,7 @@ def choose(
     where: WhereOption = None,
     overrides: Overrides = None,
     as_json: JsonOption = False,
-    layout: FormatOption = "table",
+    layout: FormatOption = "table",  # set for all tables by the option's callback
 ) -> None:
     """Fit every model to every record, and report which of them the data support.
 

@@ -44,7 +44,7 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     judgements: dict[int, Diagnosed] = {}
     findings = {}
     # Fits first, so that their judgement is shared by the filters of the same model.
-    for track in sorted(tracks, key=lambda track: not _is_fit(track)):
+    for track in sorted(tracks, key=_is_fit, reverse=True):
         key = id(track.model) if judges_all(track) else id(track)
         finding = judgements.get(key) or _with_open_noise(track, _judged(track))
         if finding is None:

@@ -212,7 +212,7 @@ def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
         viscous = course.forces(theta, surface) - elastic_force
         return np.asarray(change * (elastic_force + viscous * (1.0 + float(extra[0]) / shape.power)))
 
-    def candidates(theta: Floats, surface: float, extra: Floats) -> Floats:
+    def candidates(theta: Floats, _surface: float, extra: Floats) -> Floats:
         by_slope = theta.copy()
         by_slope[elastic] *= 1.0 + float(extra[0]) / shape.power
         return np.array([theta, by_slope])

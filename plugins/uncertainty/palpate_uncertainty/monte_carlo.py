@@ -99,7 +99,7 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
 
 def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples, weight: float) -> Case:
     """Return the track of a name, with its rows and its covariance by the run's result."""
-    track = next(track for track in pipeline.tracks if track.name == name)
+    track = next(candidate for candidate in pipeline.tracks if candidate.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
     motion = settings.velocity or settings.position

@@ -240,7 +240,9 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
         return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, longest = values, 0
-    for width in (width for width in _WINDOWS if width <= len(values)):
+    for width in _WINDOWS:
+        if width > len(values):
+            continue
         smoothed = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         # The slow part of the difference was signal; a mean of white noise over the window has 1/width of its variance.
         bend = np.convolve(values - smoothed, np.ones(width) / width, "valid")

@@ -47,7 +47,7 @@ class ResidualTests:
     def unexplained(self) -> str:
         """The variable of the pattern that no alternative explains; empty where one does."""
         explained = max((score.gain for score in self.scores.values()), default=0.0)
-        name = max(self.bins, key=lambda name: self.bins[name].evidence, default="")
+        name = max(self.bins, key=lambda axis: self.bins[axis].evidence, default="")
         return name if name and NEARLY * (self.bins[name].gain - self.bins[name].numbers) > explained else ""
 
     def table(self) -> dict[str, object]:

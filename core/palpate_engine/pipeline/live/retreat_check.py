@@ -72,9 +72,10 @@ def _force_from(live: LiveRun, begin: int) -> Floats:
     while latest < end and clock().now() < heard + _LATE and not live.is_stopped:
         for arrivals in live.links.until(clock().now() + _LOOK):
             live.pass_on(arrivals)
-            for batch in (batch for name, batch in arrivals if (name, batch.stream) == port.key):
-                readings.append(batch.values[batch.received >= begin, port.column])
-                latest, heard = int(batch.received[-1]), clock().now()
+            for device, batch in arrivals:
+                if (device, batch.stream) == port.key:
+                    readings.append(batch.values[batch.received >= begin, port.column])
+                    latest, heard = int(batch.received[-1]), clock().now()
     return np.concatenate(readings) if readings else np.zeros(0)
 
 

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from palpate_arms.arm_device import ArmDevice
 
 _LENGTH = TypeAdapter(Length)
-_LOAD = ("tool down", "tool level", "tool level, turned about its own axis by 90 deg", "tool half way down")
-_TURNS = ("straight", "10 deg forwards", "10 deg backwards", "10 deg to the left", "10 deg to the right")
-_POINTS = (
+_LOAD_PROMPTS = ("tool down", "tool level", "tool level, turned about its own axis by 90 deg", "tool half way down")
+_TURN_PROMPTS = ("straight", "10 deg forwards", "10 deg backwards", "10 deg to the left", "10 deg to the right")
+_POINT_PROMPTS = (
     "the first point of the surface",
     "a second one, some centimetres away",
     "a third one, to the side of both",
     "the fourth, where the specimen is palpated: it becomes the origin",
 )
-_STEPS = {
+_STEP_TEXTS = {
     "payload": "what hangs at the flange is weighed",
     "tip": "the tip is checked by turning the tool about it",
     "surface": "the surface is touched",
@@ -88,13 +88,13 @@ def _findings(
     findings: dict[str, Any] = {}
     changes: dict[str, Any] = {}
     if "payload" in steps:
-        payload = _payload(_read(reader, "payload", _LOAD))
+        payload = _payload(_read(reader, "payload", _LOAD_PROMPTS))
         findings |= payload
         changes |= payload
     if "tip" in steps:
-        findings |= _tip(_read(reader, "tip", _TURNS), reader, radius)
+        findings |= _tip(_read(reader, "tip", _TURN_PROMPTS), reader, radius)
     if "surface" in steps:
-        surface, work = _surface(_read(reader, "surface", _POINTS), tolerance)
+        surface, work = _surface(_read(reader, "surface", _POINT_PROMPTS), tolerance)
         findings |= {**surface, "work": work}
         changes |= {"work": work}
     return findings, changes
@@ -157,7 +157,7 @@ def _read(reader: HandReader, step: str, places: Sequence[str]) -> list[Posture]
     """Return one posture after the other, each read once a person says that it is there, and again while unsteady."""
     from palpate_arms.arm_by_hand import UnsteadyError
 
-    _say(f"{step}: {_STEPS[step]}")
+    _say(f"{step}: {_STEP_TEXTS[step]}")
     postures = []
     for number, place in enumerate(places, 1):
         text = f"  {number} of {len(places)}: {place}; let go of freedrive, then press Enter"
@@ -205,13 +205,13 @@ def _ball(pipeline: Pipeline) -> float:
 def _steps(names: Sequence[str], device: str, arm: ArmDevice) -> tuple[str, ...]:
     """Return the steps by name, or all that this arm can do; raises ConfigurationError."""
     for name in names:
-        if name not in _STEPS:
-            raise ConfigurationError(f"--step {name}: no such step{suggest(name, _STEPS)}")
+        if name not in _STEP_TEXTS:
+            raise ConfigurationError(f"--step {name}: no such step{suggest(name, _STEP_TEXTS)}")
     if "payload" in names and not arm.weighs_flange:
         raise ConfigurationError(f"--step payload: [device.{device}] has no sensor in its flange that could weigh it")
     if names:
-        return tuple(name for name in _STEPS if name in names)
-    return tuple(name for name in _STEPS if name != "payload" or arm.weighs_flange)
+        return tuple(name for name in _STEP_TEXTS if name in names)
+    return tuple(name for name in _STEP_TEXTS if name != "payload" or arm.weighs_flange)
 
 
 def _length(text: str) -> float:

@@ -82,7 +82,7 @@ def _refuse(pipeline: Pipeline, track: str) -> None:
     """Raise ConfigurationError for an alignment that exported C does not have."""
     if pipeline.alignment.is_oriented:
         stated = pipeline.alignment.model_fields_set
-        key = next(key for key in ("normal", "surface", "weight") if key in stated)
+        key = next(name for name in ("normal", "surface", "weight") if name in stated)
         raise ConfigurationError(
             f"track {track}: [alignment] {key} reads the tool's orientation, and exported C takes one force: without it"
         )

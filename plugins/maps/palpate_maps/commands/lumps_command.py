@@ -177,7 +177,7 @@ def sites_of(runs: list[Path], track: str | None, parameter: str | None) -> list
 def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
     """The value of a run without places; raises LogError where it has no such value, or an invalid one."""
     tracks = RunFolder(run).result["tracks"]
-    name = track or next((name for name, result in tracks.items() if result["verdict"] != "invalid"), None)
+    name = track or next((key for key, result in tracks.items() if result["verdict"] != "invalid"), None)
     if name is None or name not in tracks:
         raise LogError(f"{run}: has no usable track {track or ''}".rstrip())
     chosen = parameter or next(iter(tracks[name]["parameters"]))
