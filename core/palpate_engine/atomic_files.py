@@ -12,7 +12,7 @@ from typing import IO, Any
 from palpate.errors import OutputError
 
 _MODE = 0o666  # read and write for everybody, less the umask: as any new file
-_MAX_NAME = 200  # characters of a temporary file's name, of 255 bytes that file systems allow
+_MAX_NAME_LENGTH = 200  # characters of a temporary file's name, of 255 bytes that file systems allow
 
 
 @contextmanager
@@ -22,7 +22,7 @@ def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
     What is not an ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
     """
     direct = path.exists() and not path.is_file()
-    partial = path if direct else path.with_name(f".{path.name[:_MAX_NAME]}.{os.getpid()}.part")
+    partial = path if direct else path.with_name(f".{path.name[:_MAX_NAME_LENGTH]}.{os.getpid()}.part")
     options: dict[str, Any] = {} if binary else {"newline": "", "encoding": "utf-8"}
     try:
         with open(partial, "wb" if binary else "w", opener=None if direct else _no_link, **options) as file:

@@ -17,7 +17,7 @@ ROBOT_FORCE = 0.05  # [N] below which a robot's force is its tip's inertia, what
 TOUCH_SIGMAS = 10.0  # of the noise, that count as touch where they are less than that; a choice (decision 0375)
 FIRST_READINGS = 64  # samples from which the noise is estimated; a choice
 MIN_AIR = 10  # samples of a line through the air; a choice
-_MAX_BEND = 1.5  # times the noise of its beginning, that a line through all of the air leaves; a choice
+_MAX_BEND_RATIO = 1.5  # times the noise of its beginning, that a line through all of the air leaves; a choice
 
 
 def may_decide(settings: AlignmentSettings) -> bool:
@@ -46,7 +46,7 @@ def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare 
     # The line through all of the air, unless the air is bent.
     end = max(settings.tare_duration, float(air.time[min(FIRST_READINGS, len(air)) - 1]))
     beginning, whole = _air_line(air[air.time <= end]), _air_line(air)
-    line = whole if whole.noise <= _MAX_BEND * beginning.noise else beginning
+    line = whole if whole.noise <= _MAX_BEND_RATIO * beginning.noise else beginning
     # Rounding to a step has the variance step^2 / 12.
     line = replace(line, noise=max(line.noise, step / math.sqrt(12.0)))
     if not line.noise > 0.0:

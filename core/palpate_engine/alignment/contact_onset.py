@@ -12,9 +12,9 @@ from palpate_engine.alignment.held_samples import HeldSamples, Lookback
 from palpate_engine.alignment.slow_rise import RiseFinder
 
 # Choices of decision 0104.
-_MAX_MISFIT = 0.1  # of the rise: what the law of a change point may leave, in addition to the noise
-_MAX_NOISE = 2.0  # times the noise of the force: the same
-_MAX_ASCENT = 0.1  # of its way down, that a tip may have come up and still be on it
+_MAX_MISFIT_SHARE = 0.1  # of the rise: what the law of a change point may leave, in addition to the noise
+_MAX_NOISE_RATIO = 2.0  # times the noise of the force: the same
+_MAX_ASCENT_SHARE = 0.1  # of its way down, that a tip may have come up and still be on it
 _FIT_UP_TO = 3.0  # touch forces, up to which contact is fitted
 
 
@@ -91,7 +91,7 @@ class ContactOnset:
         # A tip that has come up meanwhile was in contact, for a moment.
         position = held.position[detection : end + 1]
         lowest = float(position.min())
-        if not position[-1] - lowest <= _MAX_ASCENT * (position[0] - lowest):
+        if not position[-1] - lowest <= _MAX_ASCENT_SHARE * (position[0] - lowest):
             return False
         self._search_after(end)
         return True
@@ -145,6 +145,9 @@ class ContactOnset:
             return None
         stretch = self.held.stretch(self._first_held(detection), end)
         change = change_point(stretch.position, self._threshold.above_air(stretch))
-        if change is None or not change.rms < _MAX_NOISE * self._threshold.noise + _MAX_MISFIT * change.rise:
+        if (
+            change is None
+            or not change.rms < _MAX_NOISE_RATIO * self._threshold.noise + _MAX_MISFIT_SHARE * change.rise
+        ):
             return None
         return change

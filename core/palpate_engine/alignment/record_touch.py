@@ -38,9 +38,9 @@ _BENDS = 2.0  # waves over the readings, of an optical lever's baseline (1 in 3 
 _MIN_GAIN = 100.0  # variances of the noise, by which it lowers the sum of squares: ten sigma, jointly
 _MIN_GAIN_OVER_WAVE = 16.0  # the same in addition to the best wave, of hum or of a line that bends
 _MIN_RISE = 3.0  # steps of the resolution, by which what only contact explains rises
-_MAX_NOISE = 2.0  # standard deviations of the noise, that law or hum may leave
-_MAX_MISFIT = 0.2  # of its rise, that the law may leave in addition
-_MAX_MISFIT_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
+_MAX_NOISE_RATIO = 2.0  # standard deviations of the noise, that law or hum may leave
+_MAX_MISFIT_SHARE = 0.2  # of its rise, that the law may leave in addition
+_MAX_MISFIT_SHARE_WITHOUT_AIR = 0.03  # the same of a record that begins in contact: a cone leaves so much, a wave more
 _PART_COUNTS = (8, 32)  # of parts of a residual, whose means show how many readings count as one
 
 
@@ -79,7 +79,7 @@ class TouchSearch:
 
     def of_record(self, samples: Samples) -> RecordTouch | None:
         """Return the touch by all samples of a record that has ended; it may begin in contact."""
-        return record_touch(samples, self._max_mass, _MAX_MISFIT_WITHOUT_AIR)
+        return record_touch(samples, self._max_mass, _MAX_MISFIT_SHARE_WITHOUT_AIR)
 
     def is_air(self, samples: Samples) -> bool:
         """Return True if a record without a touch has no more force than air may give, or hum explains it."""
@@ -91,7 +91,7 @@ class TouchSearch:
         return is_weak or _is_hum(finite)
 
 
-def record_touch(samples: Samples, max_mass: float, max_misfit: float = _MAX_MISFIT) -> RecordTouch | None:
+def record_touch(samples: Samples, max_mass: float, max_misfit: float = _MAX_MISFIT_SHARE) -> RecordTouch | None:
     """Return the touch that samples from a record's begin show; None where air explains them as well.
 
     Air is F = b + s t + k z - m a + noise with m from 0 to `max_mass` [kg]: the sensor's zero and its drift, a cable
@@ -180,7 +180,7 @@ def _is_significant(fit: TouchFit, first: int, variance: float, step: float, max
     rms = float(np.sqrt(contact @ contact / len(contact)))
     if fit.gain < _MIN_GAIN * variance or fit.rise < _MIN_RISE * step:
         return False
-    return rms <= _MAX_NOISE * float(np.sqrt(variance)) + max_misfit * fit.rise
+    return rms <= _MAX_NOISE_RATIO * float(np.sqrt(variance)) + max_misfit * fit.rise
 
 
 def _gain_over_wave(time: Floats, fit: TouchFit, interval: float, bends: float) -> float:
@@ -205,7 +205,7 @@ def _is_hum(samples: Samples) -> bool:
     basis = basis_of(air_terms(averages))
     residual = averages.force - basis @ (basis.T @ averages.force)
     cost = residual_of_hum(averages.time, basis, residual, _interval(samples))
-    return cost < len(averages.time) * (_MAX_NOISE * white_noise(samples.force)) ** 2 / size
+    return cost < len(averages.time) * (_MAX_NOISE_RATIO * white_noise(samples.force)) ** 2 / size
 
 
 def _interval(samples: Samples) -> float:

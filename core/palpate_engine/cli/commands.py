@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from palpate.registry import Registry
 
 _PURPOSE = "Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."
-_FIRST = (  # what somebody has, and the first command for it
+_FIRST_COMMANDS = (  # what somebody has, and the first command for it
     ("A folder of curves:", 'palpate fit FOLDER --tip "sphere 3 mm"'),
     ("A log:", "palpate info LOG --suggest -o log.toml, then palpate run log.toml"),
     ("A robot:", "palpate init ur3e, then palpate rehearse ur3e.toml: nothing real moves"),
@@ -137,7 +137,7 @@ def start_text() -> str:
     """Return what to type first, by what somebody has; only commands that are installed."""
     offers = command_offers().commands
     missing = {"fit", "info", "init"} - {name.partition(" ")[0] for name in offers}
-    lines = [f"{task:<19} {command}" for task, command in _FIRST if command.split()[1] not in missing]
+    lines = [f"{task:<19} {command}" for task, command in _FIRST_COMMANDS if command.split()[1] not in missing]
     last = "palpate --help lists every command; palpate COMMAND --help says more."
     return "\n".join([_PURPOSE, "", *lines, "", last])
 

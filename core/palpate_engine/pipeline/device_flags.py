@@ -9,7 +9,7 @@ from palpate.flags import Flag
 
 from palpate_engine.alignment import AlignmentSettings, Ports
 
-_MIN_PAYLOAD = 0.9  # of the tip's mass, a choice; the payload has the sensor and its flange as well
+_MIN_PAYLOAD_SHARE = 0.9  # of the tip's mass, a choice; the payload has the sensor and its flange as well
 
 Health = Mapping[str, Mapping[str, Any]]  # by device
 
@@ -43,7 +43,7 @@ def payloads(alignment: AlignmentSettings, health: Health) -> Iterator[str]:
     """Yield what is wrong with the payloads that arms have: less than the tip alone weighs."""
     for name, facts in health.items():
         payload = facts.get("payload")
-        if payload is None or alignment.tip_mass is None or payload >= _MIN_PAYLOAD * alignment.tip_mass:
+        if payload is None or alignment.tip_mass is None or payload >= _MIN_PAYLOAD_SHARE * alignment.tip_mass:
             continue
         yield (
             f"{name} counts on a payload of {payload:.3g} kg, less than the tip's mass of {alignment.tip_mass:.3g} kg: "

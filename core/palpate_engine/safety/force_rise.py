@@ -21,10 +21,10 @@ _STEPS = 20  # of a window: a choice, the resolution of ways
 _KEPT_WINDOWS = 8  # of steps in memory, before those behind the longest window are dropped: a choice
 _SLOWER = 0.9  # of the speed from half to half, which falls by a fifth within the window then (0326)
 _STANDS = 0.5  # of the speed at the begin of a window: a hold, in which the force relaxes; a choice
-_MAX_SIDEWAYS = 0.5  # of a window; a way with more across the skin is not judged: a choice
+_MAX_SIDEWAYS_SHARE = 0.5  # of a window; a way with more across the skin is not judged: a choice
 _AT_SET_FORCE = 0.9  # of the force that a law holds: a choice
 _MIN_READINGS = 4  # of half a window, for a mean: a choice
-_MIN_COMMANDED = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it; a choice
+_MIN_COMMANDED_SHARE = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it; a choice
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings (0326)
 _MIN_ELAPSED = 1e-9  # [s] guards against a division by 0
 _COMMANDED: Final = 4  # column of a row
@@ -156,7 +156,7 @@ class RiseWatch:
         length = ways[-1] - ways[first]
         if (
             min(n1 - n0, n2 - n1) < _MIN_READINGS
-            or math.dist(last_place, first_place) > math.hypot(1.0, _MAX_SIDEWAYS) * length
+            or math.dist(last_place, first_place) > math.hypot(1.0, _MAX_SIDEWAYS_SHARE) * length
         ):
             return None
         low, high = (sum1 - sum0) / (n1 - n0), (sum2 - sum1) / (n2 - n1)
@@ -179,7 +179,7 @@ class RiseWatch:
         A tip whose command did not go in meanwhile was there before: its force had risen by then.
         """
         commanded = self._rows[-1][_COMMANDED] - self._rows[first][_COMMANDED]
-        if not commanded < _MIN_COMMANDED * (self._ways[-1] - self._ways[first]):
+        if not commanded < _MIN_COMMANDED_SHARE * (self._ways[-1] - self._ways[first]):
             return "the sensor is saturated, and the force is unknown"
         return (
             f"its command went {1e3 * commanded:.2f} mm meanwhile, so that the poses come late, by more than the force "

@@ -27,7 +27,7 @@ from palpate_kit.terminal.table import Table, console
 from palpate_fits.quartile_table import each_table
 
 _MEASURED = "measured"
-MOST = 40  # rows of a table on the terminal (choice)
+MAX_ROWS = 40  # rows of a table on the terminal (choice)
 _DETAILS_WIDTH = 160  # characters
 _SHOWN = ("elasticity", "viscosity")
 _DETAILS = {"rms": ("RMS\nN", ".3g"), "prediction": ("predicted\nwithin", ".1%"), "samples": ("samples", ".0f")}
@@ -53,7 +53,7 @@ def show_rows(
     `parts` is the registry of parts, `advice` are more lines of help by the option of a remedy.
     """
     table = row_table(rows, pipeline.tracks[0].model, parts)
-    shown = rows if details else rows[:MOST]
+    shown = rows if details else rows[:MAX_ROWS]
     terminal = console(_DETAILS_WIDTH) if details else console(WIDTH)
     if len(rows) == 1 and not details and layout() == "table" and not rows[0].get("error"):
         for value in value_lines(table.rows[0], {}):

@@ -21,7 +21,7 @@ _GRID_TIMES = 6  # of each relaxation time, evenly in its logarithm
 _COARSE_SAMPLES = 1500  # of the record that is searched on
 _SHORTEST_TIME = 2.0  # [sample intervals] of the relaxation times that are tried
 _LONGEST_TIME = 0.5  # [lengths of the record] of the relaxation times that are tried
-_MAX_TIME = 10.0  # [lengths of the record], beyond which a relaxation does not show
+_MAX_TIME_RATIO = 10.0  # [lengths of the record], beyond which a relaxation does not show
 _ROUGH_EVALUATIONS = 15  # of each start
 _VISCOSITY_FACTORS = (0.1, 1.0, 10.0)
 _FINISHED_STARTS = 2  # that are followed to their minimum
@@ -43,7 +43,7 @@ def with_times_that_show(unknowns: Unknowns, record: FitRecord) -> Unknowns:
     Beyond either end the record is that of a model without the relaxation, which a flag says: at a bound.
     """
     low = _sample_interval(record)
-    high = _MAX_TIME * _duration(record)
+    high = _MAX_TIME_RATIO * _duration(record)
     for place in times_of(unknowns):
         item = unknowns.items[place]
         if max(low, item.lower) < min(high, item.upper):

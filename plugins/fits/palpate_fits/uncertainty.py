@@ -21,7 +21,7 @@ _MAX_SUMMED_LAGS = 40  # up to which sums are faster than Fourier transforms (me
 _MAX_ROWS = 200_000  # that the correlation sums run over (choice: time); longer records are added up in pieces before
 _MAX_TAKEN_SHARE = 0.6  # of the sum of the autocorrelation, taken by the fit, that is made good (choice)
 _WINDOW_TIMES = 5.0  # correlation times up to which the correlation is summed (Sokal 1997)
-_MAX_LAG_SHARE = 4  # a quarter of the values is the longest lag (choice)
+_LAG_DIVISOR = 4  # a quarter of the values is the longest lag (choice)
 _MIN_CORRELATION_TIME = 0.05  # [pieces] of residuals that alternate (choice)
 _THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of third differences over that of white noise
 
@@ -157,7 +157,7 @@ def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
     # Of residuals with as many zeros behind them, so that the circular correlation is the plain one.
     length = _smooth_length(2 * m)
     spectrum = np.fft.rfft(errors, length)
-    gamma: Floats = np.fft.irfft(np.abs(spectrum) ** 2, length)[: max(m // _MAX_LAG_SHARE, 1) + 1] / m
+    gamma: Floats = np.fft.irfft(np.abs(spectrum) ** 2, length)[: max(m // _LAG_DIVISOR, 1) + 1] / m
     if gamma[0] <= 0:
         return gamma, 0
     times = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]

@@ -17,11 +17,11 @@ from palpate_kit.curves.curve_row import CurveRow
 from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.figures import figure_of, style
 
-from palpate_maps.map_grid import MIN_MERGED
+from palpate_maps.map_grid import MERGE_DISTANCE
 
 _OFF_GRID = 0.25  # of a step by which a place may be off its cell: a stage's error, and not half a cell
 _SAME_STEP = 1e-3  # of the extent: places that are nearer along an axis are in one line
-_MAX_SPARE = 4  # cells for each curve: a place far from all others would make a map of nothing
+_MAX_CELLS_PER_CURVE = 4  # cells for each curve: a place far from all others would make a map of nothing
 _HALF_MILLIMETRE = 5e-4  # [m] of extent from which on axes are in mm
 
 
@@ -85,14 +85,18 @@ def read_curve_cells(
     placed = [(row, place) for row in chosen if (place := row.place) is not None]
     places = np.array([place for _, place in placed]).reshape(-1, 2)
     steps = [axis_step(places[:, axis]) for axis in (0, 1)]
-    if len(places) < 2 or max(steps) == 0 or max(steps) >= MIN_MERGED:
+    if len(places) < 2 or max(steps) == 0 or max(steps) >= MERGE_DISTANCE:
         return None
     step = [along_axis or max(steps) for along_axis in steps]  # a single line has cells as high as wide
     low = places.min(axis=0)
     cells = np.rint((places - low) / step).astype(np.intp)
     off = np.abs(low + cells * step - places) / step
     size = cells.max(axis=0) + 1
-    if off.max() > _OFF_GRID or len({*map(tuple, cells)}) < len(cells) or size.prod() > _MAX_SPARE * len(cells):
+    if (
+        off.max() > _OFF_GRID
+        or len({*map(tuple, cells)}) < len(cells)
+        or size.prod() > _MAX_CELLS_PER_CURVE * len(cells)
+    ):
         raise LogError(f"{path}: its curves are less than 1 mm apart and not on a grid, of which no map is made")
     x, y = (low[axis] + step[axis] * np.arange(size[axis]) for axis in (0, 1))
     return CurveCells([row for row, _ in placed], cells, x, y, parameter)

@@ -13,7 +13,7 @@ from palpate_kit.numerics.normalised_error import COVERAGE
 
 from palpate_maps.lump_criteria import MIN_SITES
 from palpate_maps.sites import Sites, site_numbers
-from palpate_maps.stiffness_field import LEAST_STD, MAX_USED, FieldKernel, fit_kernel, thinned
+from palpate_maps.stiffness_field import LEAST_STD, MAX_MAP_SITES, FieldKernel, fit_kernel, thinned
 
 WIDTH = 4e-3  # [m] of a place: that of a site of lumps, of the order of the contact's diameter
 SAME = 0.5  # widths from the other's nearest site, up to which a place is covered by both
@@ -107,7 +107,7 @@ def _field_difference(first: Sites, second: Sites, nodes: Floats) -> tuple[Float
 
 def _field(kernel: FieldKernel, sites: Sites, nodes: Floats, level: float) -> tuple[Floats, Floats]:
     """Return the field of sites at nodes, and its variance were the sites exact."""
-    used = sites[thinned(len(sites), MAX_USED)]
+    used = sites[thinned(len(sites), MAX_MAP_SITES)]
     prior, cross = kernel.between(used.place, used.place), kernel.between(used.place, nodes)
     process = GaussianProcess.of(prior, kernel.noise_of(used), used.log - level)
     exact = GaussianProcess.of(prior, np.full(len(used), LEAST_STD**2), used.log - level)

@@ -25,7 +25,7 @@ _MIN_SITES = 4  # of a map, and of a baseline that its cells are tested against
 COVERED = 1.2  # line distances from a site, up to which a cell is covered: a little more than halfway to the next lines
 LENGTH_OF_PITCH = 0.7  # least length of a field over the distance of lines or points (decision 0578)
 MERGED = 3  # in a line distance: sites of a line that are nearer are one
-MIN_MERGED = 1e-3  # [m]: the spacing of sites
+MERGE_DISTANCE = 1e-3  # [m]: the spacing of sites
 _AVERAGED = 0.6  # line distances: standard deviation of the weights of an average, so that lines overlap
 _BESIDE = 10  # sites of a sweep from one to the next that was palpated at another time
 _SAME_PLACE = 1e-4  # [m] below which two are one place
@@ -67,7 +67,7 @@ def make_map(
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
-    used = merge_sites(sites, max(pitch / MERGED, MIN_MERGED))
+    used = merge_sites(sites, max(pitch / MERGED, MERGE_DISTANCE))
     if method == "gaussian-process":
         mean, std, length = interpolated(used, nodes, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     else:

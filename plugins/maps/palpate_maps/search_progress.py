@@ -22,7 +22,7 @@ _RING = (
     4e-3  # [m] around the stiffest place of a lump that has to be known, for its middle to be inside: a site's width
 )
 _DIRECTIONS = 8  # of that ring
-_MIN_RATIO = 1.5  # of a lump's contrast over the one down to which its flanks go, so that it has a footprint
+_MIN_CONTRAST_RATIO = 1.5  # of a lump's contrast over the one down to which its flanks go, so that it has a footprint
 
 
 @dataclass(frozen=True)
@@ -83,5 +83,5 @@ def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDAr
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """
     wide = np.maximum(lump.extent, 2 * apart) / FWHM
-    half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, _MIN_RATIO))) + apart
+    half = wide * np.sqrt(2 * np.log(max(lump.contrast / contrast, _MIN_CONTRAST_RATIO))) + apart
     return np.asarray((((places[:, :2] - np.array(lump.place)) / half) ** 2).sum(axis=1) < 1)

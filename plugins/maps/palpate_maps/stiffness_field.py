@@ -23,10 +23,10 @@ _START_STD = 1e-3  # of the logarithm, at least
 _START_LENGTH = 6e-3  # [m]
 _START_NOISE = 1e-4  # variance of a logarithm: 1 %
 # Choices of computing time.
-_MAX_FITTED = 250  # sites that the kernel is fitted on; more cost time, not accuracy
-MAX_USED = 1500  # sites that a whole map is made of
+_MAX_FITTED_SITES = 250  # sites that the kernel is fitted on; more cost time, not accuracy
+MAX_MAP_SITES = 1500  # sites that a whole map is made of
 _MAX_NODES = 2000  # that are solved for at once
-_MIN_ROOM = 64  # rows that a factor is enlarged by at least, else by half
+_MIN_SPARE_ROWS = 64  # rows that a factor is enlarged by at least, else by half
 # Of decision 0281.
 _GROWTH = 1.5  # times the sites of the latest fit, from which on it is repeated
 _SURPRISE = 1e-3  # probability of innovations as large as those since the latest fit, below which it is repeated
@@ -86,7 +86,7 @@ def fit_kernel(
     from scipy.linalg import cho_factor, cho_solve
     from scipy.optimize import minimize
 
-    rows = thinned(len(log), _MAX_FITTED)
+    rows = thinned(len(log), _MAX_FITTED_SITES)
     place, log, stated = place[rows], log[rows], stated[rows]
     distance, unit = distances(place, place), np.eye(len(log))
 
@@ -132,7 +132,7 @@ def interpolated(
         height, height_std = fit.rise_at(nodes)
         return mean + height, np.hypot(std, height_std), length
     kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), least_length=least_length)
-    used = sites[thinned(len(sites), MAX_USED)]
+    used = sites[thinned(len(sites), MAX_MAP_SITES)]
     process = GaussianProcess.of(kernel.between(used.place, used.place), kernel.noise_of(used), used.log - level)
     mean, variance = np.empty(len(nodes)), np.empty(len(nodes))
     for rows in np.array_split(np.arange(len(nodes)), len(nodes) // _MAX_NODES + 1):
@@ -170,7 +170,7 @@ class StiffnessField:
         self.place, self.log, self.stated = sites.place.copy(), sites.log.copy(), _stated_variance(sites)
         n = len(self.log)
         # Factor and whitened columns, with room for more sites.
-        room = n + max(n // 2, _MIN_ROOM)
+        room = n + max(n // 2, _MIN_SPARE_ROWS)
         self._lower, self._cross = np.zeros((room, room)), np.zeros((room, len(self.nodes)))
         self._lower[:n, :n] = self.kernel.factor(sites)
         right = np.column_stack([self.log, np.ones(n), self.kernel.between(self.place, self.nodes)])
@@ -210,7 +210,7 @@ class StiffnessField:
         """
         n = len(self.log)
         if n == len(self._lower):
-            room = n // 2 + _MIN_ROOM
+            room = n // 2 + _MIN_SPARE_ROWS
             self._lower = np.pad(self._lower, ((0, room), (0, room)))
             self._cross, self._white = (np.pad(rows, ((0, room), (0, 0))) for rows in (self._cross, self._white))
         # The site's row of the factor.

@@ -13,8 +13,8 @@ from palpate_maps.body_field import BodyFit
 from palpate_maps.map_grid import (
     COVERED,
     LENGTH_OF_PITCH,
+    MERGE_DISTANCE,
     MERGED,
-    MIN_MERGED,
     blind_width,
     cells_over,
     line_distance,
@@ -79,7 +79,7 @@ def make_surface_map(
         raise LogError("the surface is known at none of the map's cells")
     # The flat map's process and test, over places in space.
     lifted = sites_on(sites, surface)
-    used = merge_sites(lifted, max(pitch / MERGED, MIN_MERGED))
+    used = merge_sites(lifted, max(pitch / MERGED, MERGE_DISTANCE))
     mean, std, length = interpolated(used, vertices, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
     value = np.exp(mean)

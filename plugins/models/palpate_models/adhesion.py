@@ -12,7 +12,7 @@ from pydantic import Field
 from palpate_models.parameters import ADHESION_WORK, ELASTICITY
 
 _POLE_GUARD = 1e-30  # a choice far below any work of adhesion over a modulus: w = 0 has no pole
-_MAX_DEPTH = 0.2  # of R: there a paraboloid is 2 % above the sphere, by d/(10 R) (see `exact-sphere`)
+_MAX_DEPTH_RATIO = 0.2  # of R: there a paraboloid is 2 % above the sphere, by d/(10 R) (see `exact-sphere`)
 
 
 class _AdhesiveSphere(ContactModel):
@@ -30,9 +30,9 @@ class _AdhesiveSphere(ContactModel):
 
     def validity(self, depth: float) -> str:
         """Return a warning beyond the depth at which the paraboloid of both theories is 2 % above the sphere."""
-        if depth <= _MAX_DEPTH * self.radius:
+        if depth <= _MAX_DEPTH_RATIO * self.radius:
             return ""
-        share, limit = f"{depth / self.radius:.0%}", f"{100 * _MAX_DEPTH:.0f} %"
+        share, limit = f"{depth / self.radius:.0%}", f"{100 * _MAX_DEPTH_RATIO:.0f} %"
         return f"the depth is {share} of the radius; a paraboloid approximates the sphere up to {limit}"
 
     def _plane_strain(self, elasticity: Any) -> Any:

@@ -17,7 +17,7 @@ STIFFENING = Parameter(
     "stiffening", "b", "1", "exponent of Fung's energy; 0 is a neo-Hookean material", start=1.0, start_std=5.0
 )
 _STRAIN = 0.12  # I_1 - 3 of a stretch 1 - 0.2 sqrt(e), over e = d/R (Lin et al. 2009)
-_MAX_DEPTH = 0.8  # of R, to which the coefficients below are fitted to finite elements (0267)
+_MAX_DEPTH_RATIO = 0.8  # of R, to which the coefficients below are fitted to finite elements (0267)
 _RISE = 0.25  # of e in g
 _SPREAD_BY_STIFFENING = 0.022  # of b
 _SPREAD_BY_DEPTH = 0.097  # of b e
@@ -72,6 +72,6 @@ class Fung(ContactModel):
     def validity(self, depth: float) -> str:
         """Return a warning beyond the depth to which the formula is fitted."""
         radius = self._sphere.radius
-        if depth <= _MAX_DEPTH * radius:
+        if depth <= _MAX_DEPTH_RATIO * radius:
             return ""
-        return f"the depth is {depth / radius:.0%} of the radius; stiffening is known to {_MAX_DEPTH:.0%}"
+        return f"the depth is {depth / radius:.0%} of the radius; stiffening is known to {_MAX_DEPTH_RATIO:.0%}"

@@ -20,9 +20,9 @@ FLAT: Literal["flat"] = "flat"
 _FACES = (Flat, TiltedFlat, TruncatedCone)  # tips under which curvature is not known
 _MAX_INCLINATION = math.radians(45.0)  # a choice; compared with contact by friction up to 30 degrees (0260)
 _NEWTON_STEPS = 3  # for the depth that a tip alone would have, a choice; exact in one for a paraboloid
-_MIN_DEPTH = 1e-4  # [m], a choice: there the tip's own radius is taken
-_MAX_TURN = 0.5  # of cos t, a choice: depth over R + R_1 beyond which the normal is held
-_MAX_CONTACT = 0.3  # of the skin's radius, a choice: a larger contact is not small against it
+_APEX_DEPTH = 1e-4  # [m], a choice: there the tip's own radius is taken
+_MAX_TURN_SHARE = 0.5  # of cos t, a choice: depth over R + R_1 beyond which the normal is held
+_MAX_CONTACT_SHARE = 0.3  # of the skin's radius, a choice: a larger contact is not small against it
 
 
 class _FlatInTheSchema:
@@ -85,7 +85,7 @@ class Skin(Settings):
             return
         if isinstance(indenter, _FACES):
             raise ValueError(f"skin: curvature is known for rounded tips, not for the face of a {_name(indenter)}")
-        tip_radius = float(indenter.contact_radius(_MIN_DEPTH)) ** 2 / _MIN_DEPTH
+        tip_radius = float(indenter.contact_radius(_APEX_DEPTH)) ** 2 / _APEX_DEPTH
         if min(self.curvatures) * tip_radius <= -1.0:
             hollow = -1e3 / min(self.curvatures)
             raise ValueError(
@@ -119,7 +119,7 @@ class Skin(Settings):
             cosine = (1.0 - (math.sin(self.inclination) / (1.0 + tip_radius * curvature)) ** 2) ** 0.5
         # d_n and cos t' with d/L, without the differences of large lengths.
         turn = depth * curvature / (1.0 + tip_radius * curvature)
-        max_turn = _MAX_TURN * cosine
+        max_turn = _MAX_TURN_SHARE * cosine
         turn = select(turn - max_turn, 0.0, max_turn, turn)  # deeper the tip would come off at the side
         root = (1.0 - turn * (2.0 * cosine - turn)) ** 0.5
         return depth * (2.0 * cosine - turn) / (1.0 + root), (cosine - turn) / root
@@ -135,9 +135,9 @@ class Skin(Settings):
             return f"an inclined skin is known under spheres, not under a {_name(indenter)}"
         curvature = max(map(abs, self.curvatures))
         share = float(indenter.contact_radius(depth)) * curvature
-        if share <= _MAX_CONTACT:
+        if share <= _MAX_CONTACT_SHARE:
             return ""
-        return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_MAX_CONTACT:.0%}"
+        return f"the contact is {share:.0%} of the skin's radius; its curvature is known to {_MAX_CONTACT_SHARE:.0%}"
 
 
 def curved_share(model: Any, curvature: Floats, depth: Floats) -> Floats | None:

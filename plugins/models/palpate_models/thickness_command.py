@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from palpate_models.rigid_tip import TipProfile
 
 _REACH = 1.6  # contact radii, a choice: how far out the surface may touch the tip
-_FIRST_ROW = 0.3  # a choice: contact radius of the first row over that of the last; a smaller one spans few elements
+_FIRST_RADIUS_RATIO = (
+    0.3  # a choice: contact radius of the first row over that of the last; a smaller one spans few elements
+)
 _MAX_SCATTER = 0.03  # a choice: rows that scatter more about their curve are not a table
 _PROFILE_DEPTHS = 4.0  # a choice: depths to which the tip's profile is taken
 _PROFILE_POINTS = 400  # a choice: points of that profile
@@ -61,7 +63,7 @@ def thickness(
     sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
     indenter = _tip(tip, overrides or [])
     profile = _profile_within(indenter, sizes, sticking)
-    depths = sizes["depth"] * np.linspace(_FIRST_ROW, 1.0, points) ** 2
+    depths = sizes["depth"] * np.linspace(_FIRST_RADIUS_RATIO, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
     factors, stopped = _compute_rows(
         cylinder, tip=indenter, profile=profile, depths=depths, fine=fine, seconds=_seconds(limit)

@@ -28,7 +28,7 @@ SKIN_THICKNESS = Parameter(
     "skin_thickness", "h_s", "m", "thickness of the layer on top", lower=1e-4, upper=0.1, start=3e-3, start_std=3e-3
 )
 _MAX_LOG_RATIO = math.log(12.5)  # of the moduli: the share is fitted to ratios of 1/12 to 12
-_MAX_RADIUS = 13.0  # contact radius over the layer's thickness to which the share is fitted
+_MAX_RADIUS_RATIO = 13.0  # contact radius over the layer's thickness to which the share is fitted
 # Fitted to the exact solution of Dhaliwal and Rau (1970), see `TwoLayers`: coefficients of powers of ln(1 + x), each a
 # polynomial in the logarithm of the moduli's ratio.
 _SHARE = (
@@ -44,7 +44,7 @@ def layer_share(ratio: Any, x: Any) -> Any:
 
     w = 1/(1 + x e^p), p a polynomial in ln(1 + x) and ln(E_s/E), both held beyond the range they are fitted in.
     """
-    width = log(1.0 + select(x - _MAX_RADIUS, 0.0, _MAX_RADIUS + 0.0 * x, x))
+    width = log(1.0 + select(x - _MAX_RADIUS_RATIO, 0.0, _MAX_RADIUS_RATIO + 0.0 * x, x))
     bounded = select(ratio - _MAX_LOG_RATIO, 0.0, _MAX_LOG_RATIO + 0.0 * ratio, ratio)
     bounded = select(-_MAX_LOG_RATIO - bounded, 0.0, -_MAX_LOG_RATIO + 0.0 * ratio, bounded)
     # Horner's scheme in the width.
@@ -88,8 +88,8 @@ class _LayeredMaterial(ContactModel):
         tip = self.indenter.validity(depth)
         wide = (
             ""
-            if x <= _MAX_RADIUS
-            else f"the contact radius is {x:.1f} of the layer's thickness; known to {_MAX_RADIUS:g}"
+            if x <= _MAX_RADIUS_RATIO
+            else f"the contact radius is {x:.1f} of the layer's thickness; known to {_MAX_RADIUS_RATIO:g}"
         )
         return "; ".join(text for text in (tip, wide) if text)
 

@@ -17,7 +17,7 @@ _WORDS = {
     "thickness.height": "thickness",
 }
 _MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption (choice); less is in result.json only
-_FIRST = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
+_PREFERRED_VALUES = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
 _SECOND = ("viscosity", "damping")
 
 
@@ -39,7 +39,7 @@ def _width(track: TrackResult) -> float:
 def _line(table: Mapping[str, Any]) -> str:
     """Return the assumptions of one track: those that scale, then those that are yes or no."""
     values = dict.fromkeys(name for shares in table["percent"].values() for name in shares)
-    first = next((name for name in _FIRST if name in values), next(iter(values)))
+    first = next((name for name in _PREFERRED_VALUES if name in values), next(iter(values)))
     second = next((name for name in _SECOND if name in values), None)
     scales = ", ".join(_scales(table["percent"], first, second))
     conditions = ", ".join(_conditions(table, first))

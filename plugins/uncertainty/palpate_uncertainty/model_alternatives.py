@@ -21,7 +21,7 @@ _MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base
 _MAX_LAYER_RATIO = 1.5  # X, contact radius over thickness, at the mean depth
 _MIN_POWER, _MAX_ADDED_POWER = 0.3, 2.5  # of depth that the force of another tip grows with; added to the model's
 _DEPTH_STEP = 1e-6  # [m], for slopes, a choice
-_FIRST_LAYER_RATIO = 0.2  # X from which the search starts, a choice
+_INITIAL_LAYER_RATIO = 0.2  # X from which the search starts, a choice
 _MIN_DEPTH = 1e-9  # [m], so that a power of depth is finite out of contact, a choice
 MEMORY = "memory"  # the reason that is not a change of the force at an instant: a material that relaxes
 
@@ -195,7 +195,7 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
         growth = force_over_slope * (factor_below - factor) / _DEPTH_STEP
         return np.asarray(elastic * factor + viscous * (factor + growth))
 
-    return ModelAlternative("thickness", force, (_FIRST_LAYER_RATIO,), (0.0,), (_MAX_LAYER_RATIO,))
+    return ModelAlternative("thickness", force, (_INITIAL_LAYER_RATIO,), (0.0,), (_MAX_LAYER_RATIO,))
 
 
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:

@@ -23,7 +23,7 @@ from palpate_uncertainty.residual_rows import FIXED, JudgedRows, slow_accelerati
 from palpate_uncertainty.score_tests import LEVEL, Directions, ResidualSpace, TestedResidual, effective_count
 from palpate_uncertainty.whiteness import oscillation
 
-ENOUGH_SAMPLES = 100  # in contact, to test a residual (choice)
+MIN_RESIDUAL_SAMPLES = 100  # in contact, to test a residual (choice)
 OUTLIER_SIGMAS = 6.0  # standard deviations (choice), beyond which a reading is an outlier, which is flagged as such
 
 
@@ -67,7 +67,7 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
     """
     report, kept = track.report, track.kept
     rows = contact & ~_disturbed(track)
-    if report is None or track.model.memory or np.count_nonzero(rows) < ENOUGH_SAMPLES:
+    if report is None or track.model.memory or np.count_nonzero(rows) < MIN_RESIDUAL_SAMPLES:
         return None
     if not report.rss > 0 or not np.isfinite(track.values).all():
         return None
@@ -121,7 +121,7 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
     course = make_course(track, contact & ~_disturbed(track))
     outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
     course = replace(course, rate=motion.rate, force=outer)
-    if np.count_nonzero(course.used) < ENOUGH_SAMPLES:
+    if np.count_nonzero(course.used) < MIN_RESIDUAL_SAMPLES:
         return None
     # The model at the minimum of these samples, against the noise of the force.
     fit = refit(course, track.values, track.surface)

@@ -26,7 +26,7 @@ from palpate_engine.safety import SafetySettings
 
 _SECOND = 1e9  # [ns]
 _MIN_READINGS = 10  # of force and of position before a standstill is judged: a choice
-_MAX_ADHESION = 0.5  # of the force that stops; a larger pull is not adhesion, and hints at the sign: a choice
+_MAX_ADHESION_SHARE = 0.5  # of the force that stops; a larger pull is not adhesion, and hints at the sign: a choice
 _REVERSED = (
     "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
 )
@@ -233,7 +233,7 @@ class Guard:
         if largest > limits.stop_force:
             axial_force = self._force.port.signal.sign * float(forces[-1, self._axial] - tare[self._axial])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
-            if axial_force < -_MAX_ADHESION * limits.stop_force and self._deeper:
+            if axial_force < -_MAX_ADHESION_SHARE * limits.stop_force and self._deeper:
                 self.stop.add(_REVERSED)
 
     def awaits_readings(self, waited: float) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 from palpate import Depth, Indenter
 from pydantic import Field
 
-_MAX_DEPTH = 2.0  # radii, a choice: there the force of the paraboloid is 20 % above that of the sphere
+_MAX_DEPTH_RATIO = 2.0  # radii, a choice: there the force of the paraboloid is 20 % above that of the sphere
 
 
 def hess_factor(exponent: float) -> float:
@@ -44,7 +44,7 @@ class Sphere(Indenter):
 
     def validity(self, depth: float) -> str:
         """Return a warning beyond the depth to which the paraboloid approximates a sphere."""
-        if depth <= _MAX_DEPTH * self.radius:
+        if depth <= _MAX_DEPTH_RATIO * self.radius:
             return ""
         return f"the depth is {depth / self.radius:.3g} times the radius of the sphere: take exact-sphere"
 
