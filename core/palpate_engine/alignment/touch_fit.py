@@ -15,7 +15,7 @@ from palpate_engine.alignment.change_point import white_noise
 
 # Acceleration, by second differences of the height.
 _PULSE = 0.05  # [s] over which it is taken
-_MIN_SAMPLES_PER_PULSE = 20  # of the record, at most one in so many samples
+_MIN_SAMPLES_PER_PULSE = 20  # of the record to one of half a pulse
 _ACCELERATION_SIGMAS = 4.0  # of its noise, below which it counts as none
 
 # The search for the surface, each level over two steps of the grid before: 8192nds of the way.
@@ -61,9 +61,9 @@ def with_acceleration(averages: Averages) -> Averages:
     """
     time, force, height = averages.time, averages.force, averages.height
     interval = float(time[-1] - time[0]) / (len(time) - 1)
-    reach = (
-        min(max(round(_PULSE / interval), 1), len(time) // _MIN_SAMPLES_PER_PULSE) if interval > 0 else 0
-    )  # half a base
+    reach = 0  # samples of half a triangle's base
+    if interval > 0:
+        reach = min(max(round(_PULSE / interval), 1), len(time) // _MIN_SAMPLES_PER_PULSE)
     if reach < 1:
         return averages
     acceleration = (height[2 * reach :] - 2.0 * height[reach:-reach] + height[: -2 * reach]) / (reach * interval) ** 2

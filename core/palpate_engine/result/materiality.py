@@ -36,6 +36,7 @@ _PER_TIME = re.compile(r"\bs\b")  # in the unit of a viscosity
 _COVERAGE_FACTOR = 2.0  # standard uncertainties from 0, within which a value is not determined: 95 % of normal noise
 _MAX_LISTED = 10.0  # of a value: a larger effect is shown as "more than tenfold"; a choice
 _MIN_LISTED = 1e-3  # of a value: effects below are not listed; a choice
+_SMALLEST_VALUE = 1e-300  # in a quotient, in place of 0: near the smallest double
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,9 @@ def _with_effects(flag: Flag, values: Mapping[str, UncertainValue]) -> Flag:
     """Return a flag with its effects in words."""
     if not flag.effects or flag.code == _UNDETERMINED:
         return flag
-    sizes = {name: size / abs(values[name].value or 1e-300) for name, size in flag.effects.items() if name in values}
+    sizes = {
+        name: size / abs(values[name].value or _SMALLEST_VALUE) for name, size in flag.effects.items() if name in values
+    }
     listed = [f"{name} by {_percent(size)}" for name, size in sizes.items() if size > _MIN_LISTED]
     return replace(flag, message=f"{flag.message}{EFFECTS}{', '.join(listed)}") if listed else flag
 

@@ -21,6 +21,7 @@ _SAME_PLACE = 0.97  # site widths between sites, below which they are one place:
 _MIN_SITES = 4  # of a baseline: three degrees of freedom of its spread, a choice
 _MODE_HALF_WIDTH = 3.0  # [standard deviations] about the lowest mode: the sites of the background
 _MIN_SPREAD = 1e-12  # of a logarithm: keeps a studentised deviate finite where sites coincide
+_MIN_REMAINDER = 1e-9  # of a sum of squares less one of them: a member that is all of the spread stays finite
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def prediction_p(log: Floats, baseline: Baseline) -> Floats:
         return np.asarray(stats.t.sf(t, k - 1))
     inner = (log - baseline.mean) / (baseline.spread * np.sqrt(1 - 1 / k))
     # A member is part of the mean and the spread that it is compared with: its externally studentised residual.
-    inner = inner * np.sqrt((k - 2) / np.maximum(k - 1 - inner**2, 1e-9))
+    inner = inner * np.sqrt((k - 2) / np.maximum(k - 1 - inner**2, _MIN_REMAINDER))
     members = baseline.members
     return np.asarray(np.where(members, stats.t.sf(inner, k - 2), stats.t.sf(t, k - 1)))
 

@@ -26,6 +26,7 @@ _MAX_CONTRAST = 100.0
 _MAX_SHIFT = 10e-3  # [m] of a body from where its fit starts
 _GAIN = 1e-12  # of the cost, below which no further step is made: a start may differ by rounding
 _NOISE_ROUNDS = 3  # of the noise, which weighs the prior of the widths
+_NOISE_CHANGE = 0.05  # of the noise, below which another round changes nothing: a choice
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
         unknowns = least_squares(normal, unknowns, np.array(low), np.array(high), gain=_GAIN).x
         residual, _ = system.site_rows(unknowns)
         before, noise = noise, max(floor, float(np.sqrt(residual @ residual / max(len(residual) - len(begin), 1))))
-        if abs(noise / before - 1) < 0.05:
+        if abs(noise / before - 1) < _NOISE_CHANGE:
             break
     square: Floats = system.normal(unknowns, noise)
     covariance: Floats = np.asarray(np.linalg.pinv(square[1:, 1:], hermitian=True), float)

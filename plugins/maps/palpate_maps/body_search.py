@@ -16,6 +16,7 @@ from palpate_maps.body_field import Body, BodyFit, SiteField, fit_bodies, rise
 # Of decision 0570, with the rates of both errors on fields of one and of two bodies.
 _EVIDENCE = 10.0  # of the deviance, beyond that of the Bayesian information criterion, that a further body has to gain
 MAX_BODIES = 6  # that one group of sites is explained by; what needs as many is a stiff part of the area
+_MIN_HEIGHT = 1e-6  # of a logarithm, as a weight: a group without raised sites has a middle, too
 _REMAINDER_SHIFT = 1.0  # sigmas by which the other bodies may move where one is taken out
 _WINDOW = 3.0  # of a body's sigma: the sites about it that say how many it is
 _WINDOW_MARGIN = 8e-3  # [m] beyond that: surroundings
@@ -96,7 +97,7 @@ def _evidence_needed(body: Body, count: int) -> float:
 def _start_of(field: SiteField, group: NDArray[np.intp]) -> Body:
     """Return the body from which the fit of a group of sites starts: at their middle, as high as the highest."""
     middle, height = field.middle, field.log - np.median(field.log)
-    weight = np.maximum(height[group], 1e-6)
+    weight = np.maximum(height[group], _MIN_HEIGHT)
     place = weight @ middle[group] / weight.sum()
     # On the surface, not within.
     if middle.shape[1] > 2:
@@ -134,6 +135,7 @@ def _candidates(fit: BodyFit) -> Iterator[list[Body]]:
 def _long_direction(fit: BodyFit, body: Body) -> Floats:
     """Return the direction (k,) in which the sites are longer than a body: of the residuals' largest second moment."""
     offset = (fit.field.middle - body.place) @ body.axes
+    # By a Gaussian of twice the body's variance, which a second body beside it is not outside of.
     weight = fit.residual * np.exp(-0.25 * (offset**2).sum(axis=1) / body.sigma**2)
     return np.asarray(body.axes @ np.linalg.eigh((weight[:, None] * offset).T @ offset)[1][:, -1])
 

@@ -20,6 +20,7 @@ Places = tuple[Floats, Floats]
 PLACES = 0.95  # share of these places
 # Choices of computing time.
 _MAX_PLACES = 400  # of virtual lumps, over the area
+_INVERSE_PLASTIC, _INVERSE_PLASTIC_SQUARE = 0.7548776662466927, 0.5698402909980532  # 1/g and 1/g^2, g^3 = g + 1
 _BISECTIONS = 18  # of the logarithm of a contrast, between the bounds
 _TINY = 1e-12  # [m] least length of a step between sites
 _LOW, _HIGH = np.log(1e-3), np.log(MAX_CONTRAST)  # of a contrast
@@ -87,7 +88,7 @@ def _points_in(corners: Floats) -> Floats:
     """Return a point (m, k) in each triangle (m, 3, k), spread evenly by the R2 sequence (Roberts 2018)."""
     # Fractional parts of multiples of 1/g and 1/g^2, g^3 = g + 1; folded into the triangle.
     steps = np.arange(1, len(corners) + 1)
-    u, v = (steps * 0.7548776662466927) % 1.0, (steps * 0.5698402909980532) % 1.0
+    u, v = (steps * _INVERSE_PLASTIC) % 1.0, (steps * _INVERSE_PLASTIC_SQUARE) % 1.0
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     weights = np.column_stack([1 - u - v, u, v])
     return np.asarray(np.einsum("mi,mik->mk", weights, corners))

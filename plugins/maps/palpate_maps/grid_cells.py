@@ -34,5 +34,6 @@ def grid_lines(cells: Cells) -> list[NDArray[np.intp]]:
             nodes = np.flatnonzero(cells[:, 1 - axis] == line)
             nodes = nodes[np.argsort(cells[nodes, axis], kind="stable")]
             gaps = np.diff(cells[nodes, axis])
+            # A gap of two steps and more lacks a node.
             lines += np.split(nodes, np.flatnonzero(gaps > 1.5 * np.median(steps)) + 1)
     return [line for line in lines if len(line) > 1]

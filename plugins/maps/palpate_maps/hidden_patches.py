@@ -30,6 +30,7 @@ _MAX_SITES = 400  # of the covariance; of more, as many evenly
 _MANY_SITES = 200  # from which on the combinations are not weighed again each time
 _GROWTH = 1.25  # times the sites that were weighed by, from which on they are weighed again
 _MIN_SITES = 3  # with fewer the posterior is the prior
+_SMALLEST_NUMBER = 1e-300  # of patches, in a quotient in place of 0: near the smallest double
 # Exponents between which odds are a finite number above zero that a sum over places is not lost in.
 _MIN_EXPONENT, _MAX_EXPONENT = -700, 50
 
@@ -78,7 +79,7 @@ class Hiding:
         k = int(np.argmax(self.expected))
         near = distances(self.middles, self.middles[k][None])[:, 0] <= self.reach
         weight = self.expected[near]
-        return weight @ self.middles[near] / max(weight.sum(), 1e-300), float(weight.sum())
+        return weight @ self.middles[near] / max(weight.sum(), _SMALLEST_NUMBER), float(weight.sum())
 
     @property
     def risk(self) -> float:

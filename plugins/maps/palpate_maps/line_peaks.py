@@ -63,7 +63,7 @@ def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurv
         raise LogError(
             f"a sweep of {1e3 * len(at) * STEP:.3g} mm is too short to distinguish a lump from its surroundings"
         )
-    # Gaussian weights with the standard deviation of a window of a site's width.
+    # Gaussian weights with the standard deviation of a window of a site's width w, w/sqrt(12).
     kernel = np.exp(-0.5 * ((at[:, None] - along[None]) / (settings.width / np.sqrt(12))) ** 2)
     kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), _TINY)
     # Sites differ by the spread in any case; of the estimator's variance the part that neighbours do not share.

@@ -59,6 +59,7 @@ def _least_contrast(std: float, length: float, settings: LumpSettings, width: fl
 
     The track's response and the smoothing over a site lower its logarithm along the way; infinite beyond 100.
     """
+    # Smoothing over a site of width w blurs the lump by the standard deviation of a window, w/sqrt(12).
     sigma, response = width / FWHM, settings.response
     length_of_peak = np.hypot(np.hypot(sigma, response.blur), settings.width / np.sqrt(12))
     share = float(response.height * sigma / length_of_peak)

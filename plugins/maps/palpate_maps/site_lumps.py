@@ -92,6 +92,7 @@ def lump_of_sites(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: 
     if np.count_nonzero(points) >= _MIN_POINTS:
         weight = np.where(points, raised**2, 0.0)
     middle = weight @ place / weight.sum()
+    # A uniform body of width w has the variance w^2/12.
     extent = np.sqrt(12 * (weight @ (place - middle) ** 2) / weight.sum())
     return Lump(
         (float(middle[0]), float(middle[1])),
@@ -136,7 +137,10 @@ def _body(place: Floats, height: Floats, group: NDArray[np.intp], peak: int) -> 
 
 
 def _main_axes(place: Floats, weight: Floats) -> tuple[float, float]:
-    """Extents [m] of weighted places (n, k) along their longest direction and across it, of a uniform body."""
+    """Return the extents [m] of weighted places along their longest direction and across, of a uniform body.
+
+    Of places (n, k) [m] with weights (n,). A uniform body of width w has the variance w^2/12.
+    """
     offset = place - weight @ place / weight.sum()
     variances = np.linalg.eigvalsh((weight[:, None] * offset).T @ offset / weight.sum())
     *_, across, along = np.sqrt(12 * variances.clip(0.0)).tolist()

@@ -211,7 +211,7 @@ def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
     centred = place - place.mean(axis=0)
     covariance = centred.T @ centred / max(len(sites), 1)
     variances, axes = np.linalg.eigh(covariance)
-    # The width across of a uniform band.
+    # The width w across of a uniform band, whose variance is w^2/12.
     if np.sqrt(12 * max(float(variances[0]), 0.0)) > tolerance:
         return None
     axis = axes[:, 1]
