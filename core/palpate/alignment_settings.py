@@ -203,6 +203,7 @@ class AlignmentSettings(Settings):
 
     @model_validator(mode="after")
     def _check_normal(self) -> AlignmentSettings:
+        """Raise ValueError for a normal and a surface, and for a beam under a tool that turns or has a velocity."""
         if self.normal is not None and self.surface is not None:
             raise ValueError("give either normal or surface")
         if self.beam is not None and (self.is_oriented or self.velocity is not None):

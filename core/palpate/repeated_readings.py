@@ -48,6 +48,7 @@ class RepeatCount:
     """Counts equal readings in a row, however the readings are cut into batches."""
 
     def __init__(self, usual: Repeats, first: int = 0) -> None:
+        """Take the usual repeats of a sensor; its columns begin at `first` in the readings to come."""
         self._usual = usual
         self._columns = sorted({first + column for group in usual.groups for column in group})
         self._groups = [[self._columns.index(first + column) for column in group] for group in usual.groups]

@@ -62,6 +62,7 @@ class Layout:
     """
 
     def __init__(self, **lengths: int) -> None:
+        """Take the name and length of each part, in their order; raises ValueError for a negative length."""
         self._rows: dict[str, slice] = {}
         self.size = 0
         for name, length in lengths.items():

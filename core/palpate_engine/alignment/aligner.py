@@ -29,6 +29,7 @@ class Aligner:
     def __init__(
         self, settings: AlignmentSettings, ports: Ports, tip_radius: float = 0.0, most_mass: float = 0.0
     ) -> None:
+        """Take settings and ports of a record, and of the tip the radius [m] and the largest possible mass [kg]."""
         self._settings = settings
         self._intake = Intake(ports, settings.gap)
         self._roles = self._intake.series

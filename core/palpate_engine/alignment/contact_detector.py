@@ -50,6 +50,7 @@ class ContactDetector:
     """
 
     def __init__(self, settings: AlignmentSettings, max_mass: float = 0.0) -> None:
+        """Take the settings, and the largest mass [kg] that the tip may have where none is declared."""
         self._settings = settings
         self._search = TouchSearch(max_mass) if may_decide(settings) else None  # by the noise of the record
         self._waiting: list[Samples] = []  # before the tare
@@ -106,6 +107,7 @@ class ContactDetector:
             self._waiting = [samples]
             return samples[:0]
         self._waiting = []
+        # The search goes on after the samples that have determined the tare.
         self._load, onset, searched = _settle_tare(self._settings, samples)
         samples = self._load.compensated(samples)
         self._load.watch_pull(samples)

@@ -26,6 +26,7 @@ class ContactOnset:
     """
 
     def __init__(self, settings: AlignmentSettings, threshold: ContactThreshold, lookback: Lookback) -> None:
+        """Take the settings, the threshold of the force, and how far back the onset may lie."""
         self._settings, self._threshold, self._lookback = settings, threshold, lookback
         self._rise: RiseFinder | None = None
         if not isinstance(settings.touch_force, float) and lookback.back:
@@ -107,14 +108,14 @@ class ContactOnset:
         self._search(held[end + 1 :])
 
     def located(self) -> tuple[int, ChangePoint | None]:
-        """Return the index within what is held at which contact began, and its change point.
+        """Return the index among the held samples at which contact began, and the change point by which it is known.
 
-        Without a change point (None) it began where it shows.
+        Without a change point (None) it began at the sample at which it was detected.
         """
         assert self.detection is not None
         held, detection = self.held.samples, self.detection
 
-        # The change point in what is held up to three touch forces; it is the same until more of that has come.
+        # The change point among the held samples up to three touch forces; computed again only if more have come.
         after = held[detection : detection + 1 + self._lookback.after]
         is_strong = self._threshold.above_air(after) > _FIT_UP_TO * self._threshold.force
         strong = np.flatnonzero(run_lengths(is_strong, 0) >= SAMPLES_IN_A_ROW)

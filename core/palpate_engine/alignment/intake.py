@@ -17,6 +17,7 @@ class Intake:
     """Takes in batches; aligner and calibration read the same signals from it, with the same gaps."""
 
     def __init__(self, ports: Ports, gap: float, as_stamped: bool = False) -> None:
+        """Take the ports, the longest gap [s] between readings, and True for times without the declared delays."""
         self._gap = gap
         self.health = {(d, s.name): Health(s) for d, group in ports.streams.items() for s in group}
         self.series: dict[str, Series] = {}  # by role

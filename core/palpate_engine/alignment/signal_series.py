@@ -19,6 +19,7 @@ class Series:
     def __init__(
         self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None, watched: bool
     ) -> None:
+        """Take a signal, its column, longest gap [s] and limits, and True to watch for a sensor that is stuck."""
         self.signal = signal
         self._watched = watched  # for a sensor that is stuck
         self._column = column

@@ -58,6 +58,7 @@ class ToolFrame:
     """
 
     def __init__(self, settings: AlignmentSettings, force: Port) -> None:
+        """Take the settings and the port of the force, whose components are the axes of the sensor."""
         axes = force.components
         self._axis = axes.index(force.column)
         mounting = mounting_of(settings, self._axis)

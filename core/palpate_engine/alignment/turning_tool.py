@@ -27,6 +27,7 @@ class TurningToolReader(SignalReader):
     """
 
     def __init__(self, settings: AlignmentSettings, force: Port, series: Mapping[str, Series], radius: float) -> None:
+        """Take the settings, the port of the force, the signals by their roles, and the radius [m] of the tip."""
         self._frame, self._radius = ToolFrame(settings, force), radius
         self._lookup = None if settings.surface is None else SurfaceLookup(settings.surface, radius)
         self._is_projecting = settings.is_projecting

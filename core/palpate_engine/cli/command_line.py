@@ -53,6 +53,7 @@ def run_command_line(arguments: Sequence[str], approved: Sequence[str] | None = 
 
 
 def _main(arguments: Sequence[str]) -> None:
+    """Run the command of some arguments; whatever it raises becomes a message and an exit code."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # numpy's: numbers out of range become flags, in words
@@ -124,6 +125,7 @@ def call(arguments: Sequence[str], ends: bool = False) -> None:
 
 
 def _do(invocation: Invocation, ends: bool) -> None:
+    """Print version, start or help, or call the command that an invocation names."""
     if invocation.wants == "version":
         print(version_text())
     elif invocation.wants == "start":

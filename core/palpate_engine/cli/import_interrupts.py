@@ -73,6 +73,7 @@ class _KeyPress:
             signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
 
     def _look(self, number: int, frame: FrameType | None) -> None:
+        """Raise the interrupt that waits, but not within code that swallows exceptions, nor once a run handles it."""
         if self._until is None:
             return
         if _swallows_exceptions(frame):

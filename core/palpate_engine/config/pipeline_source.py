@@ -31,6 +31,7 @@ class Source:
     """
 
     def __init__(self, text: str, path: Path, named: bool = False, enclosure: Enclosure | None = None) -> None:
+        """Parse the text of a file; raises ConfigurationError where it is not TOML, or nested too deeply."""
         self.enclosure = enclosure
         self.text = text
         self.path = path

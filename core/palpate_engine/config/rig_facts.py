@@ -66,6 +66,7 @@ class _Quantity:
     minimum: float | None = None  # [unit], itself excluded
 
     def __call__(self, text: object) -> object:
+        """Return the text of a fact, checked as a quantity or as one of its words; raises PydanticCustomError."""
         if isinstance(text, str) and " ".join(text.split()[:1]) in {word.split()[0] for word in self.words}:
             return self._of_words(" ".join(text.split()))
         try:
@@ -80,6 +81,7 @@ class _Quantity:
         return text
 
     def _of_words(self, text: str) -> str:
+        """Return a text that is one of the fact's words, or free air with its duration; raises PydanticCustomError."""
         if text in self.words:
             return text
         try:
@@ -256,6 +258,7 @@ def facts_of(table: Mapping[str, Any]) -> RigFacts:
 
 
 def _validated(table: Mapping[str, Any], where: Callable[[Location], str]) -> RigFacts:
+    """Return the facts of a table; raises ConfigurationError with a line for each mistake and its place."""
     try:
         return RigFacts.model_validate(dict(table))
     except ValidationError as error:

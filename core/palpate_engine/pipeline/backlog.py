@@ -22,6 +22,7 @@ class Backlog:
     """Hands out samples to be estimated: all of them, or in a live run as many as take a slice of time."""
 
     def __init__(self, latency: Latency | None = None) -> None:
+        """Take the latency of a live run, to which each slice of estimates is reported."""
         self._latency = latency  # of a live run
         self._waiting: deque[Samples] = deque()
         self._sample_cost = 0.0  # [s] of estimating; 0: not known yet

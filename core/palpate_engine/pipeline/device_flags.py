@@ -22,6 +22,7 @@ def device_flags(alignment: AlignmentSettings, ports: Ports, live: Health | None
 
 
 def _clocks(ports: Ports, health: Health) -> Iterator[Flag]:
+    """Yield a flag for each device whose clock strayed by more than the declared uncertainty of its time-stamps."""
     flagged = set()
     for role in ("force", "position", "velocity"):
         if role not in ports.roles:

@@ -25,6 +25,7 @@ class HealthReporter:
     def __init__(
         self, writers: Iterable[Writer], flow: Flow, aligner: Aligner, tracks: Tracks, pipeline: Pipeline
     ) -> None:
+        """Take the writers of a run, each of which gets what it takes, and the sources of the reports."""
         writers = list(writers)
         self._health_writers = [writer for writer in writers if isinstance(writer, TakesHealth)]
         self._flag_writers = [writer for writer in writers if isinstance(writer, TakesFlags)]

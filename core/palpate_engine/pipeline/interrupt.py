@@ -76,6 +76,7 @@ class Interrupt:
         _say(self._answer(is_first))
 
     def _answer(self, is_first: bool) -> str:
+        """Return the sentence that answers a Ctrl-C, the first one or a later one."""
         if self.asks_for_halt:
             return "Ctrl-C: the arm stops where it is; the run ends once it stands"
         if not is_first:

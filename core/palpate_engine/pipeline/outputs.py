@@ -38,6 +38,7 @@ class Outputs:
         room: ClosingReserve,
         observer: Writer | None = None,
     ) -> None:
+        """Open sinks and tables of estimates of a run within a stack; `stop` ends the run where one fails."""
         self.writers: list[Writer] = [
             stack.enter_context(context_of(sink.open(run), f"sink {name}: {type(sink).__name__}.open"))
             for name, sink in pipeline.sinks.items()

@@ -24,6 +24,7 @@ def run_flow(flow: Flow) -> None:
 
 
 def _run_read(flow: Flow) -> None:
+    """Pass on the batches of a recorded or simulated rig in the order of time, until their end or an interruption."""
     rig = flow.rig
     with ExitStack() as stack:
         links = {name: stack.enter_context(open_link(name, d, rig.run.seed)) for name, d in rig.devices.items()}

@@ -46,6 +46,7 @@ class Session:
         observe: Observer | None,
         begun: Event,
     ) -> None:
+        """Take a pipeline, its tracks and outputs, and the observer of its progress."""
         live = is_live(pipeline.devices)
         self._aligner = pipeline.new_aligner()
         self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None

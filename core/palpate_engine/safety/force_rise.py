@@ -41,6 +41,7 @@ class RiseWatch:
     """
 
     def __init__(self, sound: SoundForce) -> None:
+        """Take the force at standstill, whose noise distinguishes a rise from chance."""
         self.sound = self._sound = sound
         self.contact = ContactSearch(sound)
         self._ways: list[float] = []  # [m] inwards, in steps

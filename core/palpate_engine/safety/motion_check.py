@@ -77,6 +77,7 @@ class _Stretch:
 
     @classmethod
     def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None) -> _Stretch:
+        """Return the extremes of a stretch of setpoints at times (n,) [s], over a surface if one is given."""
         moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
         normal, depth = np.broadcast_to(np.array([0.0, 0.0, 1.0]), setpoint.position.shape), 0.0
         height = setpoint.position[:, 2]

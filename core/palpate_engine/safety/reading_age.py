@@ -24,6 +24,7 @@ class ReadingAge:
     """
 
     def __init__(self, drift: float = DRIFT) -> None:
+        """Take the largest drift of the device's clock against the host's [1]; 0 for a stream on the host's clock."""
         self._bound = self._drift = drift
         self._first: tuple[int, int] | None = None  # arrival and lateness [ns]
         self._promptest = 0.0  # [s] least lateness, without drift

@@ -97,6 +97,7 @@ class SafetySettings(Settings):
     @field_validator("retract_speed")
     @classmethod
     def _not_below_speed(cls, value: float | None, info: ValidationInfo) -> float | None:
+        """Return a speed of retraction; raises ValueError where it is below that of the motion."""
         speed = info.data.get("speed")
         if value is not None and speed is not None and value < speed:
             raise ValueError(

@@ -31,6 +31,7 @@ class TouchWatch:
     """
 
     def __init__(self, sound: SoundForce, contact: ContactSearch, zero_time: float) -> None:
+        """Take the force at standstill, the search for contact, and the time [s] at which the zero was determined."""
         self._sound, self._contact = sound, contact
         self._zero_time = zero_time  # [s] at which the zero was determined, as the times of the readings
         self._air_began: float | None = None  # [s] since when the tip is in free air

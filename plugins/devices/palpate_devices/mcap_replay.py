@@ -134,6 +134,7 @@ class McapReplay(Recording):
 
     @cached_property
     def _feeds(self) -> list[TopicFeed]:
+        """Return the feeds of topics: the stated signals or topics, else all that need no mapping; raises LogError."""
         topics = self._log.topics
         if not self._log.complete and not self.accept_cut:
             raise LogError(self._cut_message())

@@ -56,6 +56,7 @@ class _LogWriter:
     """A queue to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
 
     def __init__(self, log: LogRecorder, path: str) -> None:
+        """Take an open log and its path, and start the thread that writes to it."""
         self._log, self._path = log, path
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self._lateral: Floats = np.zeros((0, 2))

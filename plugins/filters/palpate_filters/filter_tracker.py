@@ -209,12 +209,17 @@ class RecursiveTracker:
             reported[piece] = outputs[:, : self._place.size]
         return state, reported
 
-    def _wait_for_start(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
-        """Hold samples until there are enough to start on; then run over them, and report only the present."""
-        if begins and self._waiting and _is_elsewhere(self._waiting[-1].samples, part):
+    def _wait_for_start(
+        self, part: Samples, rows: slice, starts_touch: bool, settings: Floats, estimates: Estimates
+    ) -> None:
+        """Hold samples until there are enough to start on; then run over them, and report only those of this block.
+
+        Samples of a touch elsewhere on the surface are dropped: its height is another one here.
+        """
+        if starts_touch and self._waiting and _is_elsewhere(self._waiting[-1].samples, part):
             self._waiting, self._attempts = [], 0
         held_count = sum(len(piece.samples) for piece in self._waiting)
-        self._waiting.append(_TouchPiece(part, rows.start, begins))
+        self._waiting.append(_TouchPiece(part, rows.start, starts_touch))
         estimates.status[rows] |= np.uint32(Status.WAITING)
         start = self._try_start(Samples.joined([piece.samples for piece in self._waiting]))
         if start is None:

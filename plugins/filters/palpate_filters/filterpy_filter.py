@@ -78,6 +78,7 @@ class _Stepper:
         self._has_begun = self._has_diverged = False
 
     def __call__(self, moment: Moment) -> Belief:
+        """Return the estimate after a sample; NaN with the status DIVERGED from the first error of the numerics on."""
         if not self._has_diverged:
             try:
                 return self._step(moment)

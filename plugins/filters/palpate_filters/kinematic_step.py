@@ -82,13 +82,14 @@ def kinematic_step(
     import casadi as ca
 
     n, count = process.states, len(process.model.parameters)
-    mean, square, low_before = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
+    # Symbols of the filter's state, and of the settings: noises, and surface and chart of a fresh start.
+    mean, covariance, low_count_before = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
     centre = ca.SX.sym("b", state_layout(process)["centre"].stop - state_layout(process)["centre"].start)
-    numbers, fresh, fresh_std = ca.SX.sym("p", NOISE_COUNT), ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
-    reading, noise = _reading_symbols(process, linearised), KinematicNoise(*ca.vertsplit(numbers))
+    noises, fresh, fresh_std = ca.SX.sym("p", NOISE_COUNT), ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
+    reading, noise = _reading_symbols(process, linearised), KinematicNoise(*ca.vertsplit(noises))
 
     # Predict, then update with each measurement in turn: their errors are independent.
-    x, P, _ = predict(process, mean, mirror(square), reading.interval, noise)
+    x, P, _ = predict(process, mean, mirror(covariance), reading.interval, noise)
     moments = _update_motion(process, _Moments(x, P, ca.SX(0), ca.SX(0)), reading, noise)
     linearisation = _linearisation(process, reading, moments.mean) if linearised else None
     moments, innovation = _update_force(
@@ -101,11 +102,12 @@ def kinematic_step(
         centre=centre,
         linearisation=linearisation,
     )
+    # The mean over the measurements; -1 where none is there.
     nis = ca.if_else(moments.count > 0, moments.squares / ca.fmax(moments.count, 1), -1.0)
 
     # Restart where the tip has been out of contact for long.
-    low = process.depth(ca.vertsplit(moments.mean)) <= 0
-    low_count = ca.if_else(low, low_before + 1, 0)
+    is_low = process.depth(ca.vertsplit(moments.mean)) <= 0
+    low_count = ca.if_else(is_low, low_count_before + 1, 0)
     restart = low_count >= MAX_LOW_SAMPLES
     x, P = _restart_material(
         process, x=moments.mean, P=moments.covariance, restart=restart, fresh=fresh, fresh_std=fresh_std
@@ -113,15 +115,15 @@ def kinematic_step(
 
     # In the order of `palpate_filters.recursion.MARKS`, of which this filter has four.
     is_incomplete = moments.count < _MEASUREMENTS
-    marks = [low, restart, is_incomplete, ca.SX(0), _has_diverged(process, x, P), ca.SX(0)]
+    marks = [is_low, restart, is_incomplete, ca.SX(0), _has_diverged(process, x, P), ca.SX(0)]
     output = [report(process, x, P, reading.height), nis, innovation, *marks]
     if with_state:
         output += [x, ca.vec(P)]
     next_centre = _next_centre(process, x, P, centre, reading.interval)
     return Step(
-        state=ca.vertcat(mean, ca.vec(square), low_before, centre),
+        state=ca.vertcat(mean, ca.vec(covariance), low_count_before, centre),
         sample=reading.column,
-        settings=ca.vertcat(numbers, fresh, fresh_std),
+        settings=ca.vertcat(noises, fresh, fresh_std),
         next_state=ca.vertcat(x, ca.vec(P), ca.if_else(restart, 0, low_count), *next_centre),
         output=ca.vertcat(*output),
     )

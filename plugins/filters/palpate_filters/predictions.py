@@ -42,6 +42,7 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
     def predict(
         process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
     ) -> PredictedState:
+        """Return mean and covariance one interval later, from sigma points."""
         directions = sigma_directions(points, process.states, alpha, beta, kappa)
         root, repaired = cholesky(covariance)
         ahead = _stepper(process)

@@ -138,13 +138,17 @@ def _field(signal: Mapping[str, Any]) -> str:
 
 
 def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggestion) -> Pipeline:
-    """Return the pipeline of a dialect with another device, and what its record suggests where nobody has stated it."""
-    left_out = _PLACES if "alignment.tare" not in tables["run"].get("assumed", ()) else (*_PLACES, *_OF_RECORD)
-    alignment = {key: value for key, value in tables["alignment"].items() if key not in left_out}
+    """Return the pipeline of a dialect with another device, and what its record suggests where nobody has stated it.
+
+    The record's own are the places along the skin, and the tare where that of the dialect was assumed. Of the gap
+    between readings the longer one is taken.
+    """
+    record_keys = _PLACES if "alignment.tare" not in tables["run"].get("assumed", ()) else (*_PLACES, *_OF_RECORD)
+    alignment = {key: value for key, value in tables["alignment"].items() if key not in record_keys}
     for key, value in suggestion.alignment.items():
         if isinstance(value, dict):
             alignment[key] = {**alignment.get(key, {}), **value}
-        elif key in left_out:
+        elif key in record_keys:
             alignment[key] = value
         elif key == "gap":
             alignment[key] = max(alignment.get(key, 0.0), to_si(value, "s"))

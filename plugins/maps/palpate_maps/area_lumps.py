@@ -70,7 +70,11 @@ class _AreaSites:
     def explain(
         self, groups: list[NDArray[np.intp]], wide: list[NDArray[np.intp]]
     ) -> tuple[BodyFit | None, list[NDArray[np.intp]]]:
-        """Return the fit of bodies to groups of sites, None without any, and the groups that need too many."""
+        """Return the fit of bodies to groups of sites, None without any, and the groups that need too many.
+
+        Each group has the rows of stiff sites. Groups that are `wide` stand for a stiff part of the area: their sites
+        and those on their flanks are left out of the fit.
+        """
         fit: BodyFit | None = None
         for _ in range(_ROUNDS):
             # Without the wide groups and their flanks.
@@ -79,8 +83,9 @@ class _AreaSites:
             rows = np.flatnonzero(kept)
             if not groups or len(rows) < MIN_SITES:
                 return None, wide
-            number = np.cumsum(kept) - 1
-            fit, counts = explain(self.field.chosen(kept), [number[group] for group in groups], self.settings.spread)
+            row_among_kept = np.cumsum(kept) - 1
+            kept_groups = [row_among_kept[group] for group in groups]
+            fit, counts = explain(self.field.chosen(kept), kept_groups, self.settings.spread)
             # A group that needs too many bodies is taken out, and the others are fitted again.
             large = [group for group, count in zip(groups, counts, strict=True) if count >= MAX_BODIES]
             if large:

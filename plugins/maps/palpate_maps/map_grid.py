@@ -190,6 +190,7 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
     """
 
     def mean_and_std(rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Return the weighted mean and the standard deviation of the logarithm at some nodes."""
         # The nearest site has the weight 1 before they are normalised, so that none is lost far from all.
         squared = ((nodes[rows, None] - sites.place[None]) ** 2).sum(axis=2)
         weight = np.exp(-0.5 * (squared - squared.min(axis=1, keepdims=True)) / length**2)

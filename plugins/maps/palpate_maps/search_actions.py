@@ -72,11 +72,13 @@ class ActionGrid:
     def next_round(
         self, gain: Gain, count: int, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_]
     ) -> list[SearchAction]:
-        """One line, or up to `count` points, from the tip's place (2,), or on a surface (3,) [m].
+        """Return one line, or up to `count` points, from the tip's place (2,), or on a surface (3,) [m].
 
-        No point is at a closed node (m,); each line goes through one of some nodes (m,), and points are at these.
+        Points are at nodes of `through` (m,) that are not `closed` (m,), and a line goes through a node of `through`.
+        Each action is the one that gains most in a second after those before it.
         """
-        closed, chosen = closed | ~through, list[SearchAction]()
+        closed = closed | ~through
+        chosen = list[SearchAction]()
         while len(chosen) < count:
             action = self._best(gain, tip, closed, through, bool(chosen))
             if action is None or (chosen and action.end is not None):

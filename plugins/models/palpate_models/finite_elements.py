@@ -55,6 +55,7 @@ class SoftCylinder:
     """
 
     def __init__(self, cylinder: Cylinder, reach: float, fine: int = 24) -> None:
+        """Mesh a cylinder, with `fine` elements over the `reach` [m] of the contact; raises ConfigurationError."""
         try:
             import skfem
         except ImportError as error:
@@ -95,12 +96,14 @@ class SoftCylinder:
     def press(self, tip: TipProfile, depth: float, until: float = math.inf) -> float:
         """Return the force over Young's modulus [m^2] at a depth [m], by steps from the deepest depth so far.
 
-        Each step begins at the straight line through the two equilibria before it, and is halved where that leads to
-        none. Raises NoEquilibriumError, also when the clock `time.monotonic` passes `until` [s].
+        Each step starts from the straight line through the two equilibria before it. It is 1.5 times as long as the
+        step before; one that leads to no equilibrium is halved. Raises NoEquilibriumError, also when the clock
+        `time.monotonic` passes `until` [s].
         """
         distance = step = depth - self._states[-1][0]
         while True:
             reached = self._states[-1][0]
+            # A remainder that is hardly longer than a step is taken in one.
             target = depth if reached + _LAST_STEP * step >= depth else reached + step
             equilibrium = self._equilibrium(tip, target, self._extrapolated(target), until)
             if equilibrium is not None:

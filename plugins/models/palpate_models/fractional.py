@@ -52,6 +52,7 @@ class _Fractional(RelaxingModel):
 
     @model_validator(mode="after")
     def _check_span(self) -> Self:
+        """Raise ValueError where the shortest and longest times are too far apart for the exponentials."""
         decades = math.log10(self.longest / self.shortest)
         if not 0 < decades <= _MAX_DECADES:
             raise ValueError(

@@ -89,6 +89,7 @@ class Thickness(Settings):
 
     @model_validator(mode="after")
     def _check_law(self) -> Self:
+        """Raise ValueError where keys are missing that the law needs, or stated that it does not have."""
         if (self.law == "table") != (self.table is not None):
             raise ValueError('a table of factors is law = "table", and that law needs a table = "thickness.csv"')
         if self.table is not None:

@@ -35,6 +35,7 @@ class _TingIntegrals:
     """One loading and one unloading, with the fading sums of depth and area in loading."""
 
     def __init__(self, model: Any, law: RelaxationSpectrum, time: Floats, depth: Floats, peak: int) -> None:
+        """Take a model, its relaxation, and times [s] and depths [m] (n,) of a press, deepest at the row `peak`."""
         # The loading, where the depth only grows, and the unloading.
         loading, self._unloading_depth = np.maximum.accumulate(depth[: peak + 1]), depth[peak + 1 :]
         self._time, self._unloading_time, self._peak = time[: peak + 1], time[peak + 1 :], peak

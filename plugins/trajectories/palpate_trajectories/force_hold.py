@@ -44,6 +44,7 @@ class ForceHold(PlannedTrajectory):
 
     @model_validator(mode="after")
     def _check_motion(self) -> Any:
+        """Raise ValueError where the speed is not reached, or the duration is shorter than the ways."""
         way = self.depth + self.clearance
         if way <= self.speed * self._turn:
             raise ValueError(f"speed {self.speed:g} m/s is never reached over a distance of {way:g} m: lower it")

@@ -58,6 +58,7 @@ class GridPoints(PlannedTrajectory):
 
     @model_validator(mode="after")
     def _check_motion(self) -> Any:
+        """Raise ValueError for a grid that is incomplete, too large, or in an order of other points."""
         has_grid = self.size is not None and self.pitch is not None
         if has_grid == bool(self.places):
             raise ValueError("give either size and pitch of a grid, or places")
@@ -140,6 +141,7 @@ class GridPoints(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion | SurfaceMotion:
+        """Return the motion from point to point, on the level or from station to station of a surface."""
         measuring = [(touch.begin + self.settle, touch.end) for touch in self._touches]
         if self._stations is None:
             return self._level_motion(measuring)

@@ -71,6 +71,7 @@ class LineSweep(PlannedTrajectory):
 
     @property
     def _level_motion(self) -> PlannedMotion:
+        """Return the motion along the line over a level surface."""
         assert isinstance(self.surface, NominalHeight)
         begin = self.press.standstill + self.press.transfer
         leave = begin + self.settle

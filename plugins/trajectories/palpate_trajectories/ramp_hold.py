@@ -46,6 +46,7 @@ class RampHold(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
+        """Return the motion to each depth in turn, held there, and up again."""
         # Down to each depth, and held there.
         time, level = self.standstill, -self.clearance
         knots = [Knot(time, level)]

@@ -48,6 +48,7 @@ class Raster(PlannedTrajectory):
 
     @model_validator(mode="after")
     def _check_motion(self) -> Any:
+        """Raise ValueError for lines that are too many, too few or too fast for the press."""
         if min(self.size) <= 0:
             raise ValueError("size: both lengths must be above 0")
         if self.pitch > self.size[1] + _ROUNDING:
@@ -102,6 +103,7 @@ class Raster(PlannedTrajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion | SurfaceMotion:
+        """Return the motion along the lines, over the level or along the stations of a surface."""
         # Measured but for the pauses.
         path, begin = self._path, self.press.standstill + self.press.transfer
         edges = [begin, *(edge for pause in path.pauses for edge in pause), path.now]

@@ -32,6 +32,7 @@ class Shake(Trajectory):
 
     @model_validator(mode="after")
     def _check_height(self) -> Any:
+        """Raise ValueError where the sines could lower the tip to the skin."""
         if any(frequency <= 0 for frequency in self.frequencies):
             raise ValueError("frequencies must be positive")
         # The sines are at their peaks together in the worst case.

@@ -30,6 +30,7 @@ class FromFile(Trajectory):
 
     @model_validator(mode="after")
     def _check_motion(self) -> Any:
+        """Raise ValueError where the motion is too fast, too deep, or measures nothing."""
         time = np.linspace(0.0, self.total_duration, _CHECKS)
         setpoint = self.at(time)
         fastest = float(np.linalg.norm(setpoint.velocity, axis=1).max())

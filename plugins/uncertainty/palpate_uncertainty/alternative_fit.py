@@ -77,6 +77,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
         return unscaled[: len(theta)], surface + float(unscaled[len(theta)]), unscaled[len(theta) + 1 :]
 
     def residual(x: Floats) -> Floats:
+        """Return the residual (n,) [N] of the scaled unknowns, within +-1e6 N and finite."""
         try:
             error = (thinned.force - alternative.force(*numbers(x)))[rows]
         except ValueError:  # a memory that is too short for the samples

@@ -93,7 +93,8 @@ def correlation(tail: Tail) -> tuple[int, float]:
 def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
     """Return the Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and names without an effect.
 
-    The bound is infinite, written as 0, of a parameter on which the force does not depend.
+    The bounds are noise times the roots of the diagonal of (J^T J)^-1, the noise that of the refit's residual. A
+    parameter on which the force does not depend is without an effect; its bound, which is infinite, is written as 0.
     """
     reduced = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     slopes = _slopes(reduced, best)[reduced.used]
@@ -107,8 +108,9 @@ def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[s
     samples_each = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)
     noise = float(np.std(best.residual)) / np.sqrt(samples_each)
     k = len(best.theta)
-    size = np.where(best.theta != 0, np.abs(best.theta), 1.0)  # slopes are in relative changes
-    bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * size
+    # Slopes are in relative changes of a parameter, or in changes of 1 of one that is 0.
+    change_unit = np.where(best.theta != 0, np.abs(best.theta), 1.0)
+    bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * change_unit
     names = [parameter.name for parameter in course.model.parameters]
     without_effect = [name for name, has in zip(names, has_effect[:k].tolist(), strict=True) if not has]
     return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), without_effect

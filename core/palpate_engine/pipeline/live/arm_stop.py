@@ -26,6 +26,7 @@ class ArmStop:
     """
 
     def __init__(self, tip: StoppedTip, peak: PeakForce) -> None:
+        """Take the tip's state, by which a stop is checked, and the peak of the force."""
         self._tip, self._peak = tip, peak
         self._arms: list[Arm] = []
         self.moving: set[str] = set()  # devices whose motion goes on

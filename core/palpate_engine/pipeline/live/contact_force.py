@@ -20,6 +20,7 @@ class ContactForce:
     """Every force that the stream of the named channel declares, from the standstill on."""
 
     def __init__(self, port: Port) -> None:
+        """Take the port of the force, whose stream declares components, torques and ranges."""
         self.port, self.name = port, port.signal.channel
         self.components = port.components
         self._channels = port.stream.channels

@@ -45,6 +45,7 @@ class Guard:
     """
 
     def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
+        """Take the limits of a motion, None for a run without any, and the ports of the signals to be watched."""
         self._limits = limits
         self._force, self._position = SignalWatch(ports["force"]), SignalWatch(ports["position"])
         self._velocity = SignalWatch(ports["velocity"]) if "velocity" in ports.roles else None

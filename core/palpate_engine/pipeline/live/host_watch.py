@@ -48,6 +48,7 @@ class HostWatch:
         self._looked.pop(device, None)
 
     def _watch(self) -> None:
+        """Trip the guard where a device has not been looked at for longer than the limit, until the watch is over."""
         while not self._over.wait(_LOOK_EVERY):
             if self._limit is None:
                 continue

@@ -30,6 +30,7 @@ class LiveLinks:
     """Batches of several live links, merged as they come."""
 
     def __init__(self, links: Mapping[str, Link], devices: Mapping[str, Device], guard: Guard) -> None:
+        """Take connected links and their devices, with a thread for each, and the guard that sees all batches."""
         self._links, self._devices, self._guard = links, devices, guard
         self._queue = clock().queue()  # of pairs: name, batch or None
         self._ending = clock().event()

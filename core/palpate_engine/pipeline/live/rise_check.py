@@ -31,6 +31,7 @@ class RiseCheck:
     """Puts the tip's latest place to the readings of the force, for a `RiseWatch` and a `TouchWatch`."""
 
     def __init__(self, force: Port, position: Port) -> None:
+        """Take the ports of force and position."""
         self._force, self._position = force, position
         self._height, self._place = math.inf, (0.0,)  # [m]
         self._commanded_height = math.nan  # [m]

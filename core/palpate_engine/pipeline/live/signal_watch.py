@@ -18,6 +18,7 @@ class SignalWatch:
     """One signal on its way past the guard."""
 
     def __init__(self, port: Port) -> None:
+        """Take the port of a signal; the age of its readings follows the clock of its stream."""
         self.port, self.name = port, port.signal.channel
         self._standstill: list[Floats] = []
         self._standstill_times: list[int] = []  # [ns] when they were received: first and last of each batch

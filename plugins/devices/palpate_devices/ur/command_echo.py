@@ -113,6 +113,7 @@ class ReadBack:
     """
 
     def __init__(self, host: str) -> None:
+        """Connect to a controller and agree on the commands to be read back; raises RuntimeError."""
         self._buffer = bytearray()
         self.wrong_size: tuple[int, int] | None = None  # [bytes] of a state, and those agreed on
         try:

@@ -33,6 +33,7 @@ class URByHand:
     def __init__(
         self, address: str, model: str, tcp: Sequence[float], rotation: Sequence[float] | None, weighs: bool
     ) -> None:
+        """Connect to a controller to read poses, and the wrench where the flange is weighed; raises DeviceError."""
         self._name = f"ur at {address}"
         try:
             self.facts = host().controller_facts(address, probe)

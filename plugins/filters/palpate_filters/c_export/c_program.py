@@ -197,6 +197,7 @@ def _places(prefix: str, places: dict[str, int]) -> str:
 
 
 def _defaults(filter: ExportedTrack, defaults: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of the C function that sets every setting to its default."""
     yield "void palpate_defaults(palpate_settings *settings)"
     yield "{"
     yield from (f"    settings->{line};" for line in defaults)

@@ -137,6 +137,7 @@ def tell_curves(
 
 
 def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str) -> Any:
+    """Return the table of tracks: their lumps, and the distance from the point palpations [unit]."""
     from palpate_engine import display_unit
     from rich.table import Table
 

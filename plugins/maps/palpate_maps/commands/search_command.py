@@ -208,6 +208,7 @@ def _report(state: AreaSearch, spent: float) -> None:
 
 
 def _end(state: AreaSearch, why: str) -> None:
+    """Print the reason of a search's end, its lumps, and the patches that may be lumps."""
     typer.echo(f"stopped: {why}")
     for item in state.lumps:
         words = "certain" if item.certain else "not certain"

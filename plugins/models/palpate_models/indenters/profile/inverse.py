@@ -25,6 +25,7 @@ class ContactRadius:
     """
 
     def __init__(self, reduced: Callable[[Floats], Floats], edge: float) -> None:
+        """Tabulate a reduced profile g(x) up to the edge [m]; raises ValueError where it does not grow."""
         from scipy.interpolate import PchipInterpolator
 
         depth = float(reduced(np.array([edge]))[0])
