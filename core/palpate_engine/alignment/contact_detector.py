@@ -107,7 +107,7 @@ class ContactDetector:
             self._waiting = [samples]
             return samples[:0]
         self._waiting = []
-        # The search goes on after the samples that have determined the tare.
+        # The first `searched` samples have been searched already, for a contact within the window of the tare.
         self._load, onset, searched = _settle_tare(self._settings, samples)
         samples = self._load.compensated(samples)
         self._load.watch_pull(samples)

@@ -46,7 +46,10 @@ def tangents(places: Floats, place: Floats) -> Floats:
 
 
 def explain(field: SiteField, groups: Sequence[NDArray[np.intp]], floor: float) -> tuple[BodyFit, list[int]]:
-    """Return the fit of as many bodies as groups of stiff sites show, one each at least, and how many each shows."""
+    """Return the fit of as many bodies as groups of stiff sites show, and the number that each shows, at least one.
+
+    Each group has the rows of its sites; `floor` is the least noise of a site's logarithm.
+    """
     bodies = [_start_of(field, group) for group in groups]
     fit = fit_bodies(field, bodies, floor)
     # Group by group, without the other bodies, on the sites about it.
@@ -59,9 +62,13 @@ def explain(field: SiteField, groups: Sequence[NDArray[np.intp]], floor: float) 
         reach = np.linalg.norm(middle[groups[number]] - body.place, axis=1).max()
         window = distance <= max(_WINDOW * body.sigma, float(reach)) + _WINDOW_MARGIN
         local = SiteField(field.place, field.site, field.log - field.mean(rise(other_bodies, field.place)[0]))
-        grown += (several := _grow(local.chosen(window), body, floor))
-        counts.append(len(several))
-    return _prune(fit_bodies(field, grown, floor), counts) if len(grown) > len(fit.bodies) else (fit, counts)
+        bodies_of_group = _grow(local.chosen(window), body, floor)
+        grown += bodies_of_group
+        counts.append(len(bodies_of_group))
+    # All together, where any group has several.
+    if len(grown) > len(fit.bodies):
+        return _prune(fit_bodies(field, grown, floor), counts)
+    return fit, counts
 
 
 def _prune(fit: BodyFit, counts: list[int]) -> tuple[BodyFit, list[int]]:
@@ -69,7 +76,7 @@ def _prune(fit: BodyFit, counts: list[int]) -> tuple[BodyFit, list[int]]:
 
     A body may explain what the first fit of another group had left, until that group has bodies of its own.
     """
-    group = np.repeat(np.arange(len(counts)), counts).tolist()
+    group = np.repeat(np.arange(len(counts)), counts).tolist()  # of each body
     weakest_first = np.argsort([body.contrast for body in fit.bodies], kind="stable").tolist()
     remaining = list(range(len(group)))
     for k in weakest_first:

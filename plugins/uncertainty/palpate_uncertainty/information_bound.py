@@ -102,7 +102,7 @@ def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[s
     has_effect = np.linalg.norm(slopes, axis=0) > 0
     inverse = scaled_inverse(slopes.T @ slopes)
     variance = np.maximum(np.diag(inverse), 0.0)
-    spread = np.sqrt(np.where(variance > 0, variance, 1.0))
+    scale = np.sqrt(np.where(variance > 0, variance, 1.0))  # that makes a covariance a correlation
 
     # Noise of one sample, for as many as each of the reduced ones stands for.
     samples_each = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)
@@ -113,7 +113,7 @@ def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[s
     bound = np.where(has_effect, noise * np.sqrt(variance), np.inf)[:k] * change_unit
     names = [parameter.name for parameter in course.model.parameters]
     without_effect = [name for name, has in zip(names, has_effect[:k].tolist(), strict=True) if not has]
-    return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), without_effect
+    return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(scale, scale), without_effect
 
 
 def _slopes(course: Course, best: Refit) -> Floats:
