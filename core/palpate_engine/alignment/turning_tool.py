@@ -46,8 +46,8 @@ class TurningToolReader(SignalReader):
     def read(self, stamps: NDArray[np.int64], count: int) -> ToolSignals:
         """Return force, height and velocity of the first `count` instants: along the normal, or along the axis read.
 
-        `stamps` [ns] may have one instant more, for the last difference of the height. The force is without a weight that
-        turns; the height is that over the surface, or over the plane through the origin of the poses.
+        `stamps` [ns] may have one instant more, for the last difference of the height. The force is without a weight
+        that turns; the height is that over the surface, or over the plane through the origin of the poses.
         """
         sample_stamps, planes, zeros = stamps[:count], None, np.zeros(count)
         # Orientation of the tool at every instant, that after the block included.
