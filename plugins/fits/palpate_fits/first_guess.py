@@ -179,10 +179,11 @@ def _solve_normal(square: Floats, unknowns: Unknowns, base: Floats, linear: Sequ
 def unknown_grid(
     item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord, start: float
 ) -> tuple[float, ...]:
-    """Return the values that are tried of the unknown at a place.
+    """Return the values that are tried of the unknown at a place among all.
 
-    Its value alone where it has one, 0 where it is solved for, heights around the record of the surface; else by unit
-    and bounds, or `start` alone.
+    Its value alone where it has one, and 0 where it is solved for. Of the surface heights within the record and above,
+    of a layer usual thicknesses; of a delay 0. Of other parameters shares of the way between two finite bounds, else
+    the values of its unit that its bounds admit. Where none is left, `start` alone, within the bounds.
     """
     if item.value is not None and not (item.free and place in linear):
         return (item.value,)

@@ -35,7 +35,7 @@ from palpate_maps.commands.first_run import folder_of
 
 if TYPE_CHECKING:
     from palpate_maps.body_field import BodyFit
-    from palpate_maps.map_analysis import Findings, Path2D, Sites, StiffnessMap
+    from palpate_maps.map_analysis import Findings, Path2D, Sites
     from palpate_maps.rig_share import RigShare
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
@@ -88,56 +88,69 @@ def map_run(
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     Where the pipeline of the run has a surface, the map is on it: a PLY in place of the NPZ, seen from three sides.
     """
-    from palpate_maps import map_analysis as maps
     from palpate_maps.curve_cells import read_curve_cells
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
-    roles = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
-    run = folder_of(run, tip, model, {role: text for role, text in roles.items() if text is not None}, overrides or [])
-    of_curves = is_fit_folder(run)
-    if where is not None and not of_curves:
+    columns = {"force": force, "position": position, "lateral": lateral, "time": time, "rate": rate}
+    stated_columns = {role: column for role, column in columns.items() if column is not None}
+    run = folder_of(run, tip, model, stated_columns, overrides or [])
+    is_of_curves = is_fit_folder(run)
+    if where is not None and not is_of_curves:
         raise ConfigurationError(f"--where: {run} is not a folder of fits of many curves")
-    drop_rejected([] if of_curves else [run])
-    if of_curves and (cells := read_curve_cells(run, track, parameter, where)) is not None:
-        show_cells(cells, run, out or RunFolder(run).maps, "svg" if svg else "png", as_json)
+    drop_rejected([] if is_of_curves else [run])
+    folder, ending = out or RunFolder(run).maps, "svg" if svg else "png"
+    if is_of_curves and (cells := read_curve_cells(run, track, parameter, where)) is not None:
+        show_cells(cells, run, folder, ending, as_json)
         return
     with progress(f"map of {run.resolve().name}"):
-        if of_curves:
-            path, sites = maps.read_curve_sites(run, track, parameter, where)
-        else:
-            path = maps.read_path(run, track, parameter)
-            sites = maps.sites_along(path)
-        skin = None if of_curves else maps.surface_of_run(run, surface)
-        # Sites along a line that are not all points are a sweep: a curve, whose lumps are along it.
-        along = None if sites.standing.all() else maps.line_coordinate(sites)
-        findings = None
-        with suppress(LogError):  # too few sites for lumps are enough for a map
-            shown = sites if skin is None or along is not None else maps.sites_on(sites, skin)
-            findings = maps.find_lumps(shown) if of_curves else maps.lumps_of_run(run, path, shown)
-        made = _MapOutput(
-            run=run,
-            folder=out or RunFolder(run).maps,
-            ending="svg" if svg else "png",
-            path=path,
-            sites=sites,
-            findings=findings,
-        )
-        if along is not None:
-            name, sentence, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
+        made, skin, sweep_length = _sites_and_lumps(run, folder, ending, track, parameter, where, surface)
+        if sweep_length is not None:
+            name, sentence, answer = _sweep(made, sweep_length, track, parameter, points)
         elif skin is not None:
             if method != "gaussian-process":
                 raise ConfigurationError("--method: a map on a surface is a Gaussian process, in a PLY file")
             name, sentence, answer = _on_surface(made, skin, length(cell, "--cell"))
         else:
-            field = maps.make_map(sites, length(cell, "--cell"), method, made.fit)  # type: ignore[arg-type]
-            name, sentence, answer = _map(made, field)
-    if findings is not None and findings.warning:
-        typer.echo(f"warning: {findings.warning}", err=True)
+            name, sentence, answer = _map(made, length(cell, "--cell"), method)
+    if made.findings is not None and made.findings.warning:
+        typer.echo(f"warning: {made.findings.warning}", err=True)
     if as_json:
         print_json({**answer, **made.document, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
     typer.echo("\n".join([sentence, *made.uncertainty, f"written to {made.folder / name}.csv and next to it"]))
+
+
+def _sites_and_lumps(
+    run: Path,
+    folder: Path,
+    ending: str,
+    track: str | None,
+    parameter: str | None,
+    where: str | None,
+    surface: str | None,
+) -> tuple[_MapOutput, Surface | None, float | None]:
+    """Return the sites and lumps of a run or a folder of fits, its surface, and of a sweep the length [m].
+
+    Sites along a line that are not all points are a sweep; the length of anything else is None.
+    """
+    from palpate_maps import map_analysis as maps
+
+    is_of_curves = is_fit_folder(run)
+    skin = None
+    if is_of_curves:
+        path, sites = maps.read_curve_sites(run, track, parameter, where)
+    else:
+        path = maps.read_path(run, track, parameter)
+        sites = maps.sites_along(path)
+        skin = maps.surface_of_run(run, surface)
+    along = None if sites.standing.all() else maps.line_coordinate(sites)
+    findings = None
+    with suppress(LogError):  # too few sites for lumps are enough for a map
+        sites_of_lumps = sites if skin is None or along is not None else maps.sites_on(sites, skin)
+        findings = maps.find_lumps(sites_of_lumps) if is_of_curves else maps.lumps_of_run(run, path, sites_of_lumps)
+    made = _MapOutput(run=run, folder=folder, ending=ending, path=path, sites=sites, findings=findings)
+    return made, skin, None if along is None else float(along.max() - along.min())
 
 
 @dataclass(frozen=True)
@@ -213,11 +226,12 @@ def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | Non
     return name, sentence, {"kind": "sweep", "length": way}
 
 
-def _map(made: _MapOutput, field: StiffnessMap) -> Written:
-    """A map of an area."""
-    from palpate_maps import map_figures, map_files
+def _map(made: _MapOutput, cell_size: float, method: str) -> Written:
+    """Write the map of an area, with cells of a size [m], and its picture."""
+    from palpate_maps import map_analysis as maps, map_figures, map_files
 
     path, folder, sites = made.path, made.folder, made.sites
+    field = maps.make_map(sites, cell_size, method, made.fit)  # type: ignore[arg-type]
     image = map_figures.map_picture(field, path.parameter, made.unit, made.findings, outlines_of(made.run))
     table = map_files.map_csv(field, path.parameter)
     name = map_files.free_name(folder, "map", table)
