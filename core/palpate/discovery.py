@@ -49,7 +49,11 @@ class Discovery:
         """Every plugin but the core itself, by its module."""
         return {
             module: Plugin(
-                name, getattr(module, "__file__", None) or "", name in self.shipped, _digest(module), stated_api(module)
+                name=name,
+                place=getattr(module, "__file__", None) or "",
+                own=name in self.shipped,
+                digest=_digest(module),
+                api=stated_api(module),
             )
             for name, module in self.manager.list_name_plugin()
             if module is not core_flags

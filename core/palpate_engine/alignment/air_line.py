@@ -53,7 +53,13 @@ def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare 
         return None
     if settings.tare == "free-air":
         air_line = line.less(beginning.level)
-        return Tare(beginning.level, beginning.level_std, beginning.noise, beginning.until, air_line)
+        return Tare(
+            offset=beginning.level,
+            offset_std=beginning.level_std,
+            noise=beginning.noise,
+            until=beginning.until,
+            air=air_line,
+        )
     offset = 0.0 if settings.tare == "none" else float(settings.tare)
     return Tare(offset, settings.tare_uncertainty, None, air=line.less(offset))
 

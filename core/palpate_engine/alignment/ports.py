@@ -58,7 +58,13 @@ class Port:
     def beside(self, column: int) -> Port:
         """Return another column of the stream, at the same times; the range is that of the force."""
         limits = self.limits if column in self.components else None
-        return Port(self.signal.model_copy(update={"sign": 1}), self.device, self.stream, column, limits)
+        return Port(
+            signal=self.signal.model_copy(update={"sign": 1}),
+            device=self.device,
+            stream=self.stream,
+            column=column,
+            limits=limits,
+        )
 
     def named(self, channel: str) -> Port:
         """Return the column of the stream that has a name; raises KeyError where none has."""

@@ -59,7 +59,13 @@ class SurfaceLookup:
                 self._last = last
             row += length
         curvature_std, known = columns[:, _CURVATURE_STD], columns[:, _KNOWN]
-        return LocalPlanes(columns[:, _NORMAL], columns[:, _HEIGHT], columns[:, _CURVATURE], curvature_std, known)
+        return LocalPlanes(
+            normal=columns[:, _NORMAL],
+            height=columns[:, _HEIGHT],
+            curvature=columns[:, _CURVATURE],
+            curvature_std=curvature_std,
+            known=known,
+        )
 
 
 def _length(reached: NDArray[np.bool_]) -> int:

@@ -97,21 +97,21 @@ class ToolFrame:
             lateral_axes = [force_axes[i] for i in range(3) if i != self._axis]
             axes = np.full(len(x), float(self._out))
             return Load(
-                self._out * force_axes[self._axis],
-                (lateral_axes[0], lateral_axes[1]),
-                _vector(reading),
-                weight,
-                axes * weight[self._axis],
+                along=self._out * force_axes[self._axis],
+                across=(lateral_axes[0], lateral_axes[1]),
+                reading=_vector(reading),
+                weight=weight,
+                weight_along=axes * weight[self._axis],
             )
         out = self._in_sensor(rows, along)
         first, second = (self._in_sensor(rows, side) for side in _sides(along))
         force = (x, y, z)
         return Load(
-            dot_columns(out, force),
-            (dot_columns(first, force), dot_columns(second, force)),
-            _vector(reading),
-            weight,
-            dot_columns(out, weight),
+            along=dot_columns(out, force),
+            across=(dot_columns(first, force), dot_columns(second, force)),
+            reading=_vector(reading),
+            weight=weight,
+            weight_along=dot_columns(out, weight),
         )
 
     def tilt(self, out: Vector, normal: Vector | None = None) -> Floats:

@@ -85,7 +85,9 @@ class _Stepper:
             except (np.linalg.LinAlgError, ValueError, FloatingPointError):
                 self._has_diverged = True
         unknown = np.full(len(self._rig.process.model.parameters), np.nan)
-        return Belief(unknown, unknown, np.nan, np.nan, np.nan, status=int(Status.DIVERGED))
+        return Belief(
+            values=unknown, std=unknown, depth=np.nan, depth_std=np.nan, force=np.nan, status=int(Status.DIVERGED)
+        )
 
     def _step(self, moment: Moment) -> Belief:
         """Return the estimate after one sample; raises FloatingPointError where the filter diverges."""

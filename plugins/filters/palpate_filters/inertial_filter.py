@@ -153,7 +153,9 @@ def inertial_tracker(
 
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
-    recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _step_inputs)
+    recursion = Recursion(
+        step=step, parameters=len(problem.model.parameters), settings=numbers, begin=begin, inputs=_step_inputs
+    )
     details = {"relief_sensitivity": _RELIEF_SENSITIVITY} if fading is not None and settings.order else {}
     return RecursiveTracker(
         recursion, FilterStart(window, settings.noise == "measure", problem.standstill), details=details

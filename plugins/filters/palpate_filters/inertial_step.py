@@ -162,7 +162,9 @@ def _state_symbols(process: InertialProcess) -> State:
 
     n = process.states
     mean, covariance = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
-    return State(mean, covariance, ca.SX.sym("u"), ca.SX.sym("low"), ca.SX.sym("alpha"))
+    return State(
+        mean=mean, covariance=covariance, force=ca.SX.sym("u"), low_count=ca.SX.sym("low"), factor=ca.SX.sym("alpha")
+    )
 
 
 def _tuning_symbols(process: InertialProcess) -> Tuning:

@@ -75,8 +75,14 @@ def kinematic_recursion(
         process, iterations=iterations, student=settings.student, with_state=with_state, linearised=known is not None
     )
     if known is None:
-        return Recursion(step, count, numbers, begin, _step_inputs)
-    return Recursion(step, count, numbers, begin, lambda part, time: np.hstack([_step_inputs(part, time), known(part)]))
+        return Recursion(step=step, parameters=count, settings=numbers, begin=begin, inputs=_step_inputs)
+    return Recursion(
+        step=step,
+        parameters=count,
+        settings=numbers,
+        begin=begin,
+        inputs=lambda part, time: np.hstack([_step_inputs(part, time), known(part)]),
+    )
 
 
 def kinematic_process(settings: KinematicSettings, problem: Problem) -> KinematicProcess:

@@ -32,7 +32,13 @@ def linearised(
         jacobian = ca.substitute(jacobian, symbols, floor_depth(process, mean))
     else:
         jacobian = _transition(process, interval) - (input_gain(process, interval) * has_force) @ slope.T
-    return PredictedState(ahead, congruence(jacobian, covariance), None, slope[process.layout.at("depth")], ca.SX(0))
+    return PredictedState(
+        mean=ahead,
+        covariance=congruence(jacobian, covariance),
+        rate_column=None,
+        stiffness=slope[process.layout.at("depth")],
+        repaired=ca.SX(0),
+    )
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
@@ -53,7 +59,9 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
         # Without new points, the gain uses the covariance of the propagated ones, which has no process noise.
         column = None if redraw else moments[1][:, process.layout.at("rate")]
         stiffness = _force_slope(process, mean)[process.layout.at("depth")]
-        return PredictedState(moments[0], moments[1], column, stiffness, repaired)
+        return PredictedState(
+            mean=moments[0], covariance=moments[1], rate_column=column, stiffness=stiffness, repaired=repaired
+        )
 
     return predict
 

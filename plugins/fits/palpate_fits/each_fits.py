@@ -60,7 +60,13 @@ class CurveFiles:
     def reader(self) -> CurveReader:
         """The pipeline as any process builds it."""
         path = str(self.pipeline.path.resolve())
-        return CurveReader(self.pipeline.text, path, self.assignments, self.device, approved_plugins())
+        return CurveReader(
+            text=self.pipeline.text,
+            path=path,
+            overrides=self.assignments,
+            device=self.device,
+            approved=approved_plugins(),
+        )
 
 
 def fit_each(asked: FitRequest) -> None:

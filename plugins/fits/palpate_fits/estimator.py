@@ -44,7 +44,7 @@ class CasadiFit(FitSettings):
                 raise ConfigurationError(f"estimator casadi-fit: {problem_text}")
         fixed_units = {item.name: item.unit for item in unknowns.items if not item.free}
         sources = stated_sources(problem.model, self.systematic, fixed_units)
-        return FitTracker(self, problem, windows, unknowns, sources)
+        return FitTracker(settings=self, problem=problem, windows=windows, unknowns=unknowns, sources=sources)
 
     def _contradictions(self, problem: Problem) -> Iterator[str]:
         """Yield the settings that exclude one another, and what the problem lacks for them."""

@@ -137,7 +137,9 @@ def _file_group(
     more_files = f" and {len(alike.logs) - 1} more" if len(alike.logs) > 1 else ""
     doubts = [f"{file.name}: {doubt}" for file in alike.logs for doubt in _other_tips(by_file[file], pipeline)]
     doubts += [f"{first.name}{more_files}: {doubt}" for doubt in suggestion.doubts if doubt not in certain]
-    return FileGroup(text, path, pipeline, tuple(doubts), [file.curve for file in alike.logs])
+    return FileGroup(
+        text=text, path=path, pipeline=pipeline, doubts=tuple(doubts), curves=[file.curve for file in alike.logs]
+    )
 
 
 def _no_records(read: Sequence[LogPart], refused: dict[str, str]) -> list[str]:

@@ -47,12 +47,16 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
             )
         if key == RATE:  # E of an elastic press does not depend on it
             rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
-            return FileQuestion(RATE, "", problem, f"{text}; say it with --rate", rows < MIN_ROWS)
+            return FileQuestion(
+                key=RATE, name="", text=problem, advice=f"{text}; say it with --rate", needed=rows < MIN_ROWS
+            )
         option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
         advice = f"{text}; say it with {option}"
         if (scale := _SCALE.fullmatch(key)) is not None:
-            return FileQuestion("units", _column(suggestion, scale[1]), problem, advice, True)
-        return FileQuestion(key, "", problem, advice, True)
+            return FileQuestion(
+                key="units", name=_column(suggestion, scale[1]), text=problem, advice=advice, needed=True
+            )
+        return FileQuestion(key=key, name="", text=problem, advice=advice, needed=True)
     for role, columns in suggestion.rivals.items():
         rivals_text = suggestion.rival_words(role)
         return FileQuestion(

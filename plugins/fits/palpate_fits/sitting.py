@@ -125,7 +125,13 @@ def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenF
     tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:
-        reader = CurveReader(group.text, str(group.path), facts.stated.overrides, DEVICE, approved_plugins())
+        reader = CurveReader(
+            text=group.text,
+            path=str(group.path),
+            overrides=facts.stated.overrides,
+            device=DEVICE,
+            approved=approved_plugins(),
+        )
         try:
             assignments = tuple(facts.of(curve.name).listed_assignments)
             outcome = curve_outcome(record_tracks(reader, assignments), DEVICE, curve)

@@ -128,7 +128,13 @@ class TingTracker:
             bounds=(low, high), x_scale="jac", diff_step=_DIFFERENCE_STEP,
         )  # fmt: skip
         surface = press.touch + surface_unit * float(minimum.x[count])
-        return _TingSolution(parameters(minimum.x), surface, surface_unit, minimum.fun, minimum.jac)
+        return _TingSolution(
+            theta=parameters(minimum.x),
+            surface=surface,
+            surface_unit=surface_unit,
+            residual=minimum.fun,
+            jacobian=minimum.jac,
+        )
 
     def _press(self, samples: Samples, rows: NDArray[np.bool_]) -> _SmoothPress:
         """Return height and force of some samples, by local cubics over an odd number of them."""

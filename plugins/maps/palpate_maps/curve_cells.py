@@ -99,7 +99,7 @@ def read_curve_cells(
     ):
         raise LogError(f"{path}: its curves are less than 1 mm apart and not on a grid, of which no map is made")
     x, y = (low[axis] + step[axis] * np.arange(size[axis]) for axis in (0, 1))
-    return CurveCells([row for row, _ in placed], cells, x, y, parameter)
+    return CurveCells(rows=[row for row, _ in placed], cells=cells, x=x, y=y, parameter=parameter)
 
 
 def axis_step(values: Floats) -> float:

@@ -45,7 +45,7 @@ def read_curve_sites(
     x, y, value, std = np.array(numbers).T
     # Each curve is a point palpation of its own, in their order: nothing of its error is common to its neighbours.
     place, time = np.column_stack([x, y]), np.arange(len(x), dtype=float)
-    sites = Sites(place, np.log(value), std / value, time, np.ones(len(x), bool), kept=1.0)
+    sites = Sites(place=place, log=np.log(value), std=std / value, time=time, standing=np.ones(len(x), bool), kept=1.0)
     return Path2D(track=track, parameter=parameter, time=time, place=place, value=value, std=std, nis=1.0), sites
 
 

@@ -168,7 +168,13 @@ class _SharedTerms:
         relief = np.where(sites.standing, 0.0, sites.relief**2) + _SITE_SPREAD**2
         smooth = np.exp(-0.5 * (distances(sites.place, sites.place) / _BACKGROUND_LENGTH) ** 2)
         drifting = np.exp(-np.abs(sites.time[:, None] - sites.time[None]) / _DRIFT_TIME)
-        return cls(sites.log - sites.log.mean(), np.maximum(sites.std, LEAST_STD) ** 2, relief, smooth, drifting)
+        return cls(
+            log=sites.log - sites.log.mean(),
+            stated=np.maximum(sites.std, LEAST_STD) ** 2,
+            relief=relief,
+            smooth=smooth,
+            drifting=drifting,
+        )
 
     def covariance(self, noise: float, background: float, drift: float) -> _Covariance:
         """Return the covariance of one combination of sizes, factorised."""

@@ -68,7 +68,7 @@ def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurv
     kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), _TINY)
     # Sites differ by the spread in any case; of the estimator's variance the part that neighbours do not share.
     noise = np.sqrt(settings.spread**2 + sites.kept**2 * (kernel @ sites.std**2))
-    return LineCurve(at, kernel @ sites.log, noise, sites, along)
+    return LineCurve(at=at, log=kernel @ sites.log, noise=noise, sites=sites, along=along)
 
 
 def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
@@ -143,5 +143,5 @@ def peaks(curve: LineCurve, least_height: float) -> list[Peak]:
         middle = float(np.interp((first[k] + last[k]) / 2, np.arange(len(curve.at)), curve.at))
         std = float(np.hypot(curve.noise[row], curve.noise[valley]))
         height, extent = float(properties["prominences"][k]), float(widths[k]) * STEP
-        summits.append(Peak(float(curve.at[row]), middle, extent, height, std))
+        summits.append(Peak(highest=float(curve.at[row]), middle=middle, extent=extent, height=height, std=std))
     return summits

@@ -80,7 +80,13 @@ def map_agreement(first: Sites, second: Sites, common_std: float = 0.0) -> MapAg
     stated = np.sqrt(mean(first.std[rows] ** 2 + second.std[nearest[rows]] ** 2))
     place = np.column_stack([mean(axis) for axis in first.place[rows].T])
     exact = mean(np.linalg.norm(first.place[rows] - second.place[nearest[rows]], axis=1)) <= _EXACT
-    test = _SamenessTest(stated, mean(interpolation), exact, _are_neighbours(place), common_std)
+    test = _SamenessTest(
+        stated=stated,
+        interpolation=mean(interpolation),
+        exact=exact,
+        follows=_are_neighbours(place),
+        common_std=common_std,
+    )
     return test.agreement(mean(difference), place, (count / (number[-1] + 1), _share_of_second(first, second)))
 
 

@@ -87,7 +87,7 @@ class Knowledge:
         """Return a node as a proposal."""
         height, spread, suspicion = (float(values[node]) for values in self.expectation(contrast))
         x, y = self.field.nodes[node, :2].tolist()
-        return Proposal((x, y), float(np.expm1(height)), spread, suspicion, end)
+        return Proposal(place=(x, y), contrast=float(np.expm1(height)), std=spread, suspicion=suspicion, end=end)
 
 
 def _nodes(place: Floats) -> Floats:

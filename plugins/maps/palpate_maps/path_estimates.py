@@ -117,7 +117,7 @@ def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: F
     """Return a value that is derived from the parameters, place by place."""
 
     def value_and_std(row: Floats) -> tuple[float, float]:
-        value_by_name = {material.name: material.value for material in model.material(row.tolist())}
+        value_by_name: dict[str, float] = {material.name: material.value for material in model.material(row.tolist())}
         return value_by_name[derived.name], derived.found.std
 
     numbers = np.array([value_and_std(row) for row in values])

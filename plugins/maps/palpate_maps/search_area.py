@@ -79,7 +79,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     if surface is None:
         nodes = grid[allowed]
         share = 1.0 if unbounded else len(nodes) / len(grid)
-        return Area(nodes, cells[allowed], bounded_by, allows, share)
+        return Area(nodes=nodes, cells=cells[allowed], bounded_by=bounded_by, _allows=allows, share=share)
     points = surface.uppermost(grid)
     share = skin_share(points, allowed, 0.0 if unbounded else 1.0)
     skin = SearchSkin.at(surface, points, allowed)

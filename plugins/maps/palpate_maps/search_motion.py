@@ -105,7 +105,10 @@ class SearchMotion:
     def _line(self) -> tuple[float, float]:
         """Seconds of a line without length, and seconds for each metre more, by two planned lines."""
         lengths = (self.shortest, self.shortest + _LONGER)
-        short, long = (self._seconds([Proposal((0.0, 0.0), 0.0, 0.0, 0.0, (length, 0.0))]) for length in lengths)
+        short, long = (
+            self._seconds([Proposal(place=(0.0, 0.0), contrast=0.0, std=0.0, suspicion=0.0, end=(length, 0.0))])
+            for length in lengths
+        )
         slope = (long - short) / _LONGER
         return short - slope * lengths[0], slope
 

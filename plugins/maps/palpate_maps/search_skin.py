@@ -60,7 +60,13 @@ def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.b
     refused = ~(normal[:, 2] >= _MIN_NORMAL_Z)  # where nothing is known, too
     still = np.zeros((len(points), 3))
     inside = np.ones(len(points), bool)
-    return Setpoint(points.position - depth * normal, still, inside, rotation_to(normal), still), refused
+    return Setpoint(
+        position=points.position - depth * normal,
+        velocity=still,
+        measuring=inside,
+        rotation=rotation_to(normal),
+        angular_velocity=still,
+    ), refused
 
 
 def skin_share(points: SurfacePoints, allowed: NDArray[np.bool_], beside: float) -> float:

@@ -119,11 +119,11 @@ def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], s
 
     logs = np.log(path.value)
     return Sites(
-        np.column_stack([mean(path.place[:, 0]), mean(path.place[:, 1])]),
-        mean(logs),
-        np.sqrt(mean((path.std / path.value) ** 2)) * _widening(path),
-        mean(path.time),
-        mean(standing.astype(float)) > 0.5,
+        place=np.column_stack([mean(path.place[:, 0]), mean(path.place[:, 1])]),
+        log=mean(logs),
+        std=np.sqrt(mean((path.std / path.value) ** 2)) * _widening(path),
+        time=mean(path.time),
+        standing=mean(standing.astype(float)) > 0.5,
     )
 
 

@@ -85,7 +85,9 @@ def make_surface_map(
     value = np.exp(mean)
     map_ = SurfaceMap(vertices=vertices, faces=faces, value=value, std=value * std, p=p, parameter=parameter, unit=unit)
     blind_below = blind_width(nearest_distance(lifted.place, vertices))
-    return MapOnSurface(map_, stiff, length, blind_below, _reach(np.abs(points.curvature[known])))
+    return MapOnSurface(
+        map=map_, stiff=stiff, length=length, blind_below=blind_below, reach=_reach(np.abs(points.curvature[known]))
+    )
 
 
 def _reach(curvature: Floats) -> float:

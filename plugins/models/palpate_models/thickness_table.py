@@ -130,4 +130,6 @@ def _fit_table(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path)
     coefficients, _, misfit = _curve(depth, factor, _DEGREE, at_touch)
     if not math.isfinite(misfit) or misfit > _MAX_MISFIT:
         raise ValueError(f"table {path}: the factors are not a smooth curve: a row is {misfit:.1%} off")
-    return ThicknessTable(facts, deepest, tuple(coefficients.tolist()), misfit, at_touch)
+    return ThicknessTable(
+        facts=facts, deepest=deepest, coefficients=tuple(coefficients.tolist()), worst=misfit, at_touch=at_touch
+    )

@@ -25,7 +25,7 @@ def ting_force(model: ContactModel, law: RelaxationSpectrum, time: Floats, depth
     Raises ValueError for more than one maximum.
     Source: Ting 1966; Lee and Radok 1960; by trapezoids in depth and area between the instants.
     """
-    integrals = _TingIntegrals(model, law, time, depth, _one_maximum(depth, reversal))
+    integrals = _TingIntegrals(model=model, law=law, time=time, depth=depth, peak=_one_maximum(depth, reversal))
     integral = np.concatenate([integrals.loading(), integrals.unloading()])
     poisson: float = model.poisson  # type: ignore[attr-defined]
     return np.asarray(2.0 / (1.0 - poisson**2) * np.maximum(integral, 0.0))

@@ -48,4 +48,10 @@ def setpoint_at_station(setpoint: Setpoint, foot: Floats, normal: Floats) -> Set
     axes, count = local_axes(normal), len(setpoint.position)
     position, velocity = setpoint.position @ axes.T + foot, setpoint.velocity @ axes.T
     rotation = np.tile(rotation_to(normal[None]), (count, 1))
-    return Setpoint(position, velocity, setpoint.measuring, rotation, np.zeros((count, 3)))
+    return Setpoint(
+        position=position,
+        velocity=velocity,
+        measuring=setpoint.measuring,
+        rotation=rotation,
+        angular_velocity=np.zeros((count, 3)),
+    )

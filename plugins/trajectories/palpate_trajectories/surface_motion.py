@@ -56,7 +56,13 @@ class SurfaceMotion:
         velocity = foot_rate - rate[:, None] * normal - depth[:, None] * normal_rate
         rotation = rotation_to(normal)
         turning = angular_velocities(rotation, rotation_rate(normal, normal_rate))
-        return Setpoint(position, velocity, is_within(t, self.measuring), rotation, turning)
+        return Setpoint(
+            position=position,
+            velocity=velocity,
+            measuring=is_within(t, self.measuring),
+            rotation=rotation,
+            angular_velocity=turning,
+        )
 
 
 @dataclass(frozen=True)

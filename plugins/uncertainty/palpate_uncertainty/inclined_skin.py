@@ -44,7 +44,7 @@ class AcrossForce:
         low, high = _stated_range(track.model, std, float(np.mean(depth)))
         if end.report.turned is not None:  # a tip that does not go along a stated normal rubs
             low, high = min(low, high), max(high, math.atan(end.report.turned.slope))
-        return cls(share, track.model, float(np.mean(depth)), (low, high), std)
+        return cls(share=share, model=track.model, depth=float(np.mean(depth)), stated=(low, high), std=std)
 
     @property
     def drag(self) -> float:

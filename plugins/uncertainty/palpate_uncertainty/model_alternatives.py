@@ -93,11 +93,11 @@ def fastest_branch(course: Course, frequency: float | None) -> float:
 def _timing(course: Course) -> ModelAlternative:
     """Return a force that is recorded late, to first order."""
     return ModelAlternative(
-        "timing",
-        lambda theta, surface, x: course.forces(theta, surface) - x[0] * course.change(theta, surface),
-        (0.0,),
-        (-_MAX_DELAY,),
-        (_MAX_DELAY,),
+        reason="timing",
+        force=lambda theta, surface, x: course.forces(theta, surface) - x[0] * course.change(theta, surface),
+        start=(0.0,),
+        lower=(-_MAX_DELAY,),
+        upper=(_MAX_DELAY,),
     )
 
 
@@ -107,18 +107,18 @@ def _drift(course: Course) -> ModelAlternative:
     largest = float(np.max(np.abs(course.force[course.used])))
     if course.from_air:
         return ModelAlternative(
-            "drift",
-            lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed,
-            (0.0,),
-            (-largest,),
-            (largest,),
+            reason="drift",
+            force=lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed,
+            start=(0.0,),
+            lower=(-largest,),
+            upper=(largest,),
         )
     return ModelAlternative(
-        "drift",
-        lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed + x[1],
-        (0.0, 0.0),
-        (-largest, -largest),
-        (largest, largest),
+        reason="drift",
+        force=lambda theta, surface, x: course.forces(theta, surface) + x[0] * elapsed + x[1],
+        start=(0.0, 0.0),
+        lower=(-largest, -largest),
+        upper=(largest, largest),
     )
 
 
@@ -127,22 +127,22 @@ def _compliance(course: Course, base: Refit) -> ModelAlternative:
     force = course.forces(base.theta, base.surface)
     change = course.change(base.theta, base.surface)
     return ModelAlternative(
-        "compliance",
-        lambda theta, surface, x: course.yielded(theta, surface, float(x[0]) * force, float(x[0]) * change),
-        (0.0,),
-        (0.0,),
-        (1.0 / _MIN_RIG_STIFFNESS,),
+        reason="compliance",
+        force=lambda theta, surface, x: course.yielded(theta, surface, float(x[0]) * force, float(x[0]) * change),
+        start=(0.0,),
+        lower=(0.0,),
+        upper=(1.0 / _MIN_RIG_STIFFNESS,),
     )
 
 
 def _mass(course: Course) -> ModelAlternative:
     """Return a force with another mass behind the sensor than was taken off."""
     return ModelAlternative(
-        "mass",
-        lambda theta, surface, x: course.forces(theta, surface) + x[0] * course.acceleration,
-        (0.0,),
-        (-_MAX_MASS,),
-        (_MAX_MASS,),
+        reason="mass",
+        force=lambda theta, surface, x: course.forces(theta, surface) + x[0] * course.acceleration,
+        start=(0.0,),
+        lower=(-_MAX_MASS,),
+        upper=(_MAX_MASS,),
     )
 
 
@@ -195,7 +195,9 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
         growth = force_over_slope * (factor_below - factor) / _DEPTH_STEP
         return np.asarray(elastic * factor + viscous * (factor + growth))
 
-    return ModelAlternative("thickness", force, (_INITIAL_LAYER_RATIO,), (0.0,), (_MAX_LAYER_RATIO,))
+    return ModelAlternative(
+        reason="thickness", force=force, start=(_INITIAL_LAYER_RATIO,), lower=(0.0,), upper=(_MAX_LAYER_RATIO,)
+    )
 
 
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:

@@ -121,7 +121,13 @@ def _base(track: _OpenTrack) -> Iterator[Condition]:
         return
     depth = depths_in_contact(track.evidence)
     shifts = track.scaled(stiffness_share(track.evidence, float(np.mean(depth)))) if len(depth) else {}
-    yield Condition("base", "specimen glued to its base", words_that_state("base"), "sliding", shifts)
+    yield Condition(
+        fact="base",
+        text="specimen glued to its base",
+        remedy=words_that_state("base"),
+        alternative="sliding",
+        shifts=shifts,
+    )
 
 
 def stiffness_share(track: TrackEvidence, depth: float) -> float:
@@ -192,7 +198,13 @@ def _mass(track: _OpenTrack) -> Iterator[Condition]:
         return
     if not track.is_small:
         shifts = track.against(-MASS * track.sensitivity.acceleration)
-        yield Condition("mass", "no mass behind the sensor", words_that_state("mass"), f"{1e3 * MASS:g} g", shifts)
+        yield Condition(
+            fact="mass",
+            text="no mass behind the sensor",
+            remedy=words_that_state("mass"),
+            alternative=f"{1e3 * MASS:g} g",
+            shifts=shifts,
+        )
 
 
 def _poisson(track: _OpenTrack) -> Iterator[Condition]:
@@ -207,7 +219,9 @@ def _poisson(track: _OpenTrack) -> Iterator[Condition]:
     if change:
         shifts = track.against(change * sensitivity.by_number(("poisson",), value, change))
         text = f"Poisson's ratio {value - POISSON_RANGE:g} to {value:g}"
-        yield Condition("poisson", text, words_that_state("poisson"), f"{POISSON:g}", shifts)
+        yield Condition(
+            fact="poisson", text=text, remedy=words_that_state("poisson"), alternative=f"{POISSON:g}", shifts=shifts
+        )
 
 
 def _level(track: _OpenTrack) -> Iterator[Condition]:
@@ -222,8 +236,8 @@ def _level(track: _OpenTrack) -> Iterator[Condition]:
     power = mean * float(tip.contact_radius(mean)) / float(tip.profile_area(mean))
     share = math.cos(TILT) ** -(1.0 + power) - 1.0
     yield Condition(
-        "level", "level skin", words_that_state("level"), f"{math.degrees(TILT):.0f} deg",
-        track.scaled(share),
+        fact="level", text="level skin", remedy=words_that_state("level"), alternative=f"{math.degrees(TILT):.0f} deg",
+        shifts=track.scaled(share),
     )  # fmt: skip
 
 
@@ -237,7 +251,9 @@ def _mount(track: _OpenTrack) -> Iterator[Condition]:
     elasticity = dict(zip(track.names, track.evidence.values.tolist(), strict=True)).get("elasticity", math.inf)
     is_stiff = abs(shifts.get("elasticity", 0.0)) > abs(elasticity)
     text = "rigid mount, and force and height in the stated units" if is_stiff else "rigid mount"
-    yield Condition("mount", text, words_that_state("mount"), f"{1e-3 * MOUNT:g} N/mm", shifts)
+    yield Condition(
+        fact="mount", text=text, remedy=words_that_state("mount"), alternative=f"{1e-3 * MOUNT:g} N/mm", shifts=shifts
+    )
 
 
 def _beam(track: _OpenTrack) -> Iterator[Condition]:
@@ -246,7 +262,13 @@ def _beam(track: _OpenTrack) -> Iterator[Condition]:
     if sensitivity is not None and stiffness is not None and track.end.settings.beam_uncertainty is None:
         shifts = track.against(BEAM * stiffness * sensitivity.by_beam(stiffness))
         text = f"a beam of {stiffness:.4g} N/m"
-        yield Condition("beam", text, words_that_state("beam"), f"{(1.0 + BEAM) * stiffness:.4g} N/m", shifts)
+        yield Condition(
+            fact="beam",
+            text=text,
+            remedy=words_that_state("beam"),
+            alternative=f"{(1.0 + BEAM) * stiffness:.4g} N/m",
+            shifts=shifts,
+        )
 
 
 def _position(track: _OpenTrack) -> Iterator[Condition]:

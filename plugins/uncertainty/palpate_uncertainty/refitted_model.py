@@ -265,5 +265,7 @@ def _explanations(
         shifts = np.max(np.abs(other.candidates - refitted.fit.theta), axis=0)
         if other.reason and gain > 0:
             chance = chance_of_more(max(other.extra, 1), gain)
-            explanations[other.reason] = Explanation(gain, other.extra, chance, count, shifts)
+            explanations[other.reason] = Explanation(
+                gain=gain, numbers=other.extra, p=chance, samples=count, shifts=shifts
+            )
     return explanations

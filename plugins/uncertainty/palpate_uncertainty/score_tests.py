@@ -153,7 +153,7 @@ class ResidualSpace:
         fitted = jacobian[:, free]
         columns = np.column_stack([fitted, *open_facts]) / std[:, None]
         basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), _SMALLEST))[0]
-        alone = cls(std, basis, fitted / std[:, None], free, np.zeros((len(std), 0)))
+        alone = cls(std=std, basis=basis, fitted=fitted / std[:, None], free=free, stated=np.zeros((len(std), 0)))
         return replace(alone, stated=np.column_stack([np.zeros(len(std)), *(alone.beside(s / std) for s in stated)]))
 
     def beside(self, values: Floats) -> Floats:

@@ -53,7 +53,7 @@ def whiteness_tests(values: Floats, runs: Runs, depth: Floats, phase: Floats | N
     white = whitened[has_past]
     n = len(white)
     if n < _MIN_VALUES_PER_LAG * LAGS or deviation(white) == 0.0:
-        return WhitenessTest(1.0, {}, 0.0, 0.0, null.source)
+        return WhitenessTest(p=1.0, tests={}, misfit=0.0, chance=0.0, null=null.source)
     white = without_outliers(white)
     white = white / np.sqrt(np.mean(white**2))
     tests, patterns = {}, {}
@@ -75,7 +75,7 @@ def whiteness_tests(values: Floats, runs: Runs, depth: Floats, phase: Floats | N
     p = min(1.0, len(tests) * min(tests.values()))
     # The sum over 32 phases, a chi square, has the standard deviation sqrt(2 * 32).
     chance = 2.0 * float(np.sqrt(2.0 * PHASES)) * null.excess / n
-    return WhitenessTest(p, tests, max(patterns.values()), chance, null.source)
+    return WhitenessTest(p=p, tests=tests, misfit=max(patterns.values()), chance=chance, null=null.source)
 
 
 def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:

@@ -97,7 +97,9 @@ class UR(ArmDevice):
         """Return a reader by the client library alone, in local control; `weighs`: by the sensor in the flange."""
         from palpate_devices.ur.hand_reader import URByHand
 
-        return nullcontext(URByHand(self.host, self.model, self.tcp, self.tcp_rotation, weighs))
+        return nullcontext(
+            URByHand(address=self.host, model=self.model, tcp=self.tcp, rotation=self.tcp_rotation, weighs=weighs)
+        )
 
     @property
     def stop_modes(self) -> StopModes | None:

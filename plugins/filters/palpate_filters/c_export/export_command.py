@@ -75,7 +75,13 @@ def _track(pipeline: Pipeline, name: str) -> Track:
 def _problem(pipeline: Pipeline, track: Track) -> Problem:
     others = {name: tuple(p.name for p in model.parameters) for name, model in pipeline.models.items()}
     still = pipeline.safety.standstill if pipeline.safety else None
-    return Problem(track.model, pipeline.alignment.tip_mass, pipeline.alignment.timing_uncertainty, still, others)
+    return Problem(
+        model=track.model,
+        tip_mass=pipeline.alignment.tip_mass,
+        timing_uncertainty=pipeline.alignment.timing_uncertainty,
+        standstill=still,
+        others=others,
+    )
 
 
 def _refuse(pipeline: Pipeline, track: str) -> None:

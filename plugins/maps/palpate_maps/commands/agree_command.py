@@ -125,7 +125,9 @@ def _run_map(run: Path, name: str, track: str, parameter: str | None) -> RunMap:
     sites, skin = maps.sites_along(path), maps.surface_of_run(run, None)
     if skin is not None and (sites.standing.all() or maps.line_coordinate(sites) is None):
         sites = maps.sites_on(sites, skin)
-    return RunMap(name, run, path.parameter, sites, rig_share(run, track, path.parameter))
+    return RunMap(
+        name=name, folder=run, parameter=path.parameter, sites=sites, common=rig_share(run, track, path.parameter)
+    )
 
 
 def _pairs(maps: list[RunMap]) -> list[RunPair]:
@@ -142,7 +144,15 @@ def _pairs(maps: list[RunMap]) -> list[RunPair]:
         if differing_facts:
             common_stds += [first.common.rig, second.common.rig]
         agreement = map_agreement(first.sites, second.sites, math.hypot(*common_stds))
-        pairs.append(RunPair(first.name, second.name, agreement, differing_facts, agreement.p))
+        pairs.append(
+            RunPair(
+                first=first.name,
+                second=second.name,
+                agreement=agreement,
+                differing_facts=differing_facts,
+                p=agreement.p,
+            )
+        )
     corrected = holm([pair.p for pair in pairs])
     return [replace(pair, p=p) for pair, p in zip(pairs, corrected, strict=True)]
 

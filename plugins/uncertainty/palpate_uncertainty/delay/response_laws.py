@@ -34,7 +34,7 @@ def simple_laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
     power_law = _power_law_columns(record, elastic, has_spring=False)
     return [
         kelvin_voigt(),
-        ResponseLaw("power-law", power_law, (_EXPONENT,), (low,), (high,)),
+        ResponseLaw(name="power-law", columns=power_law, start=(_EXPONENT,), lower=(low,), upper=(high,)),
         _branch_law("one-branch", record, elastic, _BRANCH_TIMES[:1]),
     ]
 
@@ -44,7 +44,13 @@ def richer_laws(record: TimedRecord, elastic: int) -> list[ResponseLaw]:
     low, high = _DAMPING_BOUNDS
     fractional = _power_law_columns(record, elastic, has_spring=True)
     return [
-        ResponseLaw("fractional-kelvin-voigt", fractional, (_EXPONENT_OF_DAMPING,), (low,), (high,)),
+        ResponseLaw(
+            name="fractional-kelvin-voigt",
+            columns=fractional,
+            start=(_EXPONENT_OF_DAMPING,),
+            lower=(low,),
+            upper=(high,),
+        ),
         _branch_law("two-branches", record, elastic, _BRANCH_TIMES),
     ]
 
@@ -87,7 +93,9 @@ def _branch_law(name: str, record: TimedRecord, elastic: int, times: tuple[float
     # A record shows no branch that is faster than a sample or slower than all of it.
     shortest, longest = float(np.log(record.step)), float(np.log(record.course.span))
     start = tuple(float(np.log(time)) for time in times)
-    return ResponseLaw(name, columns, start, (shortest,) * len(times), (longest,) * len(times))
+    return ResponseLaw(
+        name=name, columns=columns, start=start, lower=(shortest,) * len(times), upper=(longest,) * len(times)
+    )
 
 
 def _past_forces(course: Course, times: Floats) -> Floats:

@@ -80,7 +80,7 @@ def smooth_radius(exact: ContactRadius, tolerance: float, floor: float) -> Smoot
         error = float(np.max(difference))
         if error <= tolerance and np.all(np.diff(fitted_radius) > 0):
             radius = tuple(coefficients.tolist())
-            return SmoothRadius(exact.depth, sum(radius), exponent, radius, error)
+            return SmoothRadius(depth=exact.depth, edge=sum(radius), exponent=exponent, radius=radius, error=error)
     return None
 
 
