@@ -133,7 +133,7 @@ def _fit(asked: FitRequest) -> None:
 
 
 def _stated_tip(asked: FitRequest) -> StatedFacts | None:
-    """The facts of files without a pipeline, their tip asked for; None where they bring one, or nobody answers."""
+    """Return the facts of files without a pipeline, the tip asked for; None for others, or where nobody answers."""
     stated = stated_facts(asked.sources, asked.overrides, tip=asked.tip, model=asked.model)
     sources = asked.sources
     if stated.facts.tip is None and all(source.exists() for source in sources) and not any(map(_has_run, sources)):
@@ -145,7 +145,7 @@ def _stated_tip(asked: FitRequest) -> StatedFacts | None:
 
 
 def _has_run(source: Path) -> bool:
-    """Whether a source brings the pipeline by which it was made."""
+    """Return True if a source brings the pipeline by which it was made."""
     if source.is_dir():
         return RunFolder(source).began
     with suppress(UserError):

@@ -225,24 +225,24 @@ class AreaSearch:
         is_outside = apart.min(axis=1, initial=np.inf) > self._node_distance
         return np.where(is_outside[:, None], self.area.nodes[np.argmin(apart, axis=1)], tops)
 
-    def _doubtful_places(self, known: Knowledge) -> Floats:
+    def _doubtful_places(self, knowledge: Knowledge) -> Floats:
         """Places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
-        nodes = known.field.nodes
+        nodes = knowledge.field.nodes
         # Lumps come before places that only may be one.
         unsure = np.array([not self._is_known(item) for item in self.lumps], bool)
         if unsure.any():
             return np.asarray(self._tops[unsure])
-        _, _, above = known.expectation(self.settings.contrast)
+        _, _, above = knowledge.expectation(self.settings.contrast)
         likely = np.flatnonzero((above >= SUSPICIOUS) & ~self._on_lumps(nodes))
-        return nodes[likely[passes(known.known, nodes[likely], _SITE_WIDTH) < CHECKS]]
+        return nodes[likely[passes(knowledge.known, nodes[likely], _SITE_WIDTH) < CHECKS]]
 
-    def _unclear(self, known: Knowledge, places: Floats) -> Floats:
+    def _unclear(self, knowledge: Knowledge, places: Floats) -> Floats:
         """(m,) p (1 - p) of nodes about some places (n, k) [m], p the probability of a contrast above the threshold."""
-        _, _, above = known.expectation(self.settings.contrast)
-        return np.asarray(np.where(near(known.field.nodes, places, _ABOUT_LUMP), above * (1 - above), 0.0))
+        _, _, above = knowledge.expectation(self.settings.contrast)
+        return np.asarray(np.where(near(knowledge.field.nodes, places, _ABOUT_LUMP), above * (1 - above), 0.0))
 
-    def _is_outlining(self, known: Knowledge) -> bool:
-        """True where the lumps are to be outlined next, and not more of them to be looked for.
+    def _is_outlining(self, knowledge: Knowledge) -> bool:
+        """Return True if the lumps are to be outlined next, and not more of them to be looked for.
 
         That is while more of them are unlikely and the intersection over union that is expected of their outline is
         below 0.9, and once a search for more would end. The outline is where a contrast above is likelier than not.
@@ -250,19 +250,19 @@ class AreaSearch:
         assert self.hiding is not None
         if not self.lumps:
             return False
-        above = known.expectation(self.settings.contrast)[2][near(known.field.nodes, self._tops, _ABOUT_LUMP)]
+        above = knowledge.expectation(self.settings.contrast)[2][near(knowledge.field.nodes, self._tops, _ABOUT_LUMP)]
         inside = above > SUSPICIOUS
         intersection = float(above[inside].sum())
         union = float(np.count_nonzero(inside) + above[~inside].sum())
         is_rough = intersection < _OUTLINED * union and self.hiding.risk <= _UNLIKELY
         return is_rough or self.hiding.risk <= self._allowed
 
-    def _proposal(self, known: Knowledge, action: SearchAction) -> Proposal:
+    def _proposal(self, knowledge: Knowledge, action: SearchAction) -> Proposal:
         end = None if action.end is None else tuple(self.middles[action.end, :2].tolist())
-        return known.proposal(self.settings.contrast, int(self._rows[action.start]), end)
+        return knowledge.proposal(self.settings.contrast, int(self._rows[action.start]), end)
 
     def _is_known(self, item: LumpProgress) -> bool:
-        """True where a lump is known well enough: without a risk also beyond the border of what was palpated."""
+        """Return True if a lump is known well enough: without a risk also beyond the border of what was palpated."""
         ends_with_lumps = self.settings.risk is None and self.settings.aim == "find"
         return item.done if ends_with_lumps else item.certain
 
@@ -281,7 +281,7 @@ class AreaSearch:
         return PatchGrid(self.middles, self.settings.patch)
 
     def ended(self) -> str | None:
-        """The reason that the search is over: every lump certain, no place suspicious, and the risk as low as asked.
+        """Return the reason that the search is over: every lump certain, nothing suspicious, and the risk low enough.
 
         Without a risk it goes on until there is a lump; an outline or a map never ends by itself.
         """

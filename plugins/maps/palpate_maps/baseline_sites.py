@@ -58,7 +58,7 @@ def find_baseline(
 
 
 def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> Baseline:
-    """The baseline of an area where more than a fifth of the sites may lie at places [m wide] that others are at, too.
+    """Return the baseline of an area of which a fifth of the sites and more may lie at places that others are at, too.
 
     A search goes where it is stiff, so that most of its sites may lie on lumps: then each place counts once, by the
     earliest of its sites, and since several populations are expected, less evidence is asked for them.

@@ -18,7 +18,7 @@ from palpate_maps.sites import Sites
 def read_curve_sites(
     path: Path, track: str | None = None, parameter: str | None = None, where: str | None = None
 ) -> tuple[Path2D, Sites]:
-    """The values of the curves of a folder at their places, rejected and unusable ones apart, and the same as sites.
+    """Return the values of a folder's curves at their places, less rejected and unusable ones, and the same as sites.
 
     A place is `x_m` and `y_m` of ``curves.csv``, else what the curve measured. Raises LogError for what is missing,
     ConfigurationError for filter words that do not parse.
@@ -27,9 +27,9 @@ def read_curve_sites(
     if not folder.tracks:
         raise LogError(f"{path}: no curve of it was fitted")
     track, parameter = track or folder.tracks[0], parameter or folder.values[0]
-    for name, known in ((track, folder.tracks), (parameter, folder.values)):
-        if name not in known:
-            raise LogError(f"{path}: no {name!r}{suggest(name, known)}")
+    for name, choices in ((track, folder.tracks), (parameter, folder.values)):
+        if name not in choices:
+            raise LogError(f"{path}: no {name!r}{suggest(name, choices)}")
     if stale := stale_words(folder):
         typer.echo(stale, err=True)
     # Of the chosen curves those that the track could use, with a place and a value.
@@ -37,9 +37,9 @@ def read_curve_sites(
     candidates = [_numbers(row, parameter) for row in chosen]
     numbers = [row for row in candidates if row is not None]
     if not numbers:
-        asked = f" and {where!r}" if where else ""
+        filter_text = f" and {where!r}" if where else ""
         raise LogError(
-            f"{path}: has no usable curve with a place{asked}: give x_m and y_m in curves.csv, or lateral_x and "
+            f"{path}: has no usable curve with a place{filter_text}: give x_m and y_m in curves.csv, or lateral_x and "
             "lateral_y in [alignment]"
         )
     x, y, value, std = np.array(numbers).T

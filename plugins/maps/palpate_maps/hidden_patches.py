@@ -135,7 +135,7 @@ def hidden_patches(
 
 
 def _sizes_for(count: int, before: Hiding | None) -> tuple[tuple[tuple[float, float, float], ...], int]:
-    """Combinations of sizes that are weighed for so many sites, and the number of sites of their latest choice.
+    """Return the combinations of sizes that are weighed for a number of sites, and the number at their latest choice.
 
     All of them of few sites, or once there are a quarter more; else those that counted before.
     """

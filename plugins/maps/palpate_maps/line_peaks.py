@@ -58,17 +58,17 @@ class LineCurve:
 
 def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurve:
     """Return the curve of the sites of a sweep; raises LogError where it is too short for surroundings."""
-    at = np.arange(along.min(), along.max(), STEP)
-    if len(at) * STEP < _MIN_WIDTHS * settings.width:
+    coordinate = np.arange(along.min(), along.max(), STEP)
+    if len(coordinate) * STEP < _MIN_WIDTHS * settings.width:
         raise LogError(
-            f"a sweep of {1e3 * len(at) * STEP:.3g} mm is too short to distinguish a lump from its surroundings"
+            f"a sweep of {1e3 * len(coordinate) * STEP:.3g} mm is too short to distinguish a lump from its surroundings"
         )
     # Gaussian weights with the standard deviation of a window of a site's width w, w/sqrt(12).
-    kernel = np.exp(-0.5 * ((at[:, None] - along[None]) / (settings.width / np.sqrt(12))) ** 2)
+    kernel = np.exp(-0.5 * ((coordinate[:, None] - along[None]) / (settings.width / np.sqrt(12))) ** 2)
     kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), _TINY)
     # Sites differ by the spread in any case; of the estimator's variance the part that neighbours do not share.
     noise = np.sqrt(settings.spread**2 + sites.kept**2 * (kernel @ sites.std**2))
-    return LineCurve(at=at, log=kernel @ sites.log, noise=noise, sites=sites, along=along)
+    return LineCurve(at=coordinate, log=kernel @ sites.log, noise=noise, sites=sites, along=along)
 
 
 def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:

@@ -146,13 +146,13 @@ def sweep_picture(
     axis, (name, factor) = axes[0, 0], display_unit(unit)
     for track, (along, sites) in series.items():
         order = np.argsort(along)
-        at, value = 1e3 * along[order], sites.value[order] * factor
-        (line,) = axis.plot(at, value, label=track)
+        coordinate, value = 1e3 * along[order], sites.value[order] * factor
+        (line,) = axis.plot(coordinate, value, label=track)
         band = 2 * value * sites.std[order]
-        axis.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+        axis.fill_between(coordinate, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
     if points is not None:
-        at, value = 1e3 * points[0], points[1].value * factor
-        axis.errorbar(at, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
+        coordinate, value = 1e3 * points[0], points[1].value * factor
+        axis.errorbar(coordinate, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
     axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]")
     axis.set_ylim(common_limits([sites.value * factor for _, sites in series.values()], 0.0))
     if findings is not None and findings.coordinate is not None and findings.curve is not None:
@@ -164,7 +164,7 @@ def sweep_picture(
 
 def _mark_on_curve(axis: Any, number: int, lump: Lump) -> None:
     """Shade the stretch of a lump along the sweep, with its number in the table of lumps and its p at the bottom."""
-    at, half = 1e3 * lump.along, 1e3 * lump.extent[0] / 2
-    axis.axvspan(at - half, at + half, color="red", alpha=0.1, linewidth=0)
-    axis.axvline(at, color="red", linewidth=0.8)
-    label_lump(axis, number, (at, axis.get_ylim()[0]), lump.p)
+    coordinate, half = 1e3 * lump.along, 1e3 * lump.extent[0] / 2
+    axis.axvspan(coordinate - half, coordinate + half, color="red", alpha=0.1, linewidth=0)
+    axis.axvline(coordinate, color="red", linewidth=0.8)
+    label_lump(axis, number, (coordinate, axis.get_ylim()[0]), lump.p)

@@ -24,10 +24,10 @@ def map_csv(field: StiffnessMap, parameter: str) -> str:
     rows = [f"x_m,y_m,{parameter},{parameter}_std,covered,p,stiff"]
     for j, y in enumerate(field.y):
         for i, x in enumerate(field.x):
-            known = bool(field.covered[j, i])
-            cells = f"{field.value[j, i]:.6g},{field.std[j, i]:.4g}" if known else ","
-            p = f"{field.p[j, i]:.3g}" if known else ""
-            rows.append(f"{x:.6f},{y:.6f},{cells},{int(known)},{p},{int(field.stiff[j, i])}")
+            is_covered = bool(field.covered[j, i])
+            cells = f"{field.value[j, i]:.6g},{field.std[j, i]:.4g}" if is_covered else ","
+            p = f"{field.p[j, i]:.3g}" if is_covered else ""
+            rows.append(f"{x:.6f},{y:.6f},{cells},{int(is_covered)},{p},{int(field.stiff[j, i])}")
     return "\n".join(rows) + "\n"
 
 
@@ -35,8 +35,8 @@ def sweep_csv(series: Mapping[str, tuple[Floats, Sites]], parameter: str) -> str
     """One row for each site of each track: coordinate along the sweep, place, value, standard deviation."""
     rows = [f"track,along_m,x_m,y_m,{parameter},{parameter}_std"]
     for track, (along, sites) in series.items():
-        for at, (x, y), value, std in zip(along, sites.place, sites.value, sites.std, strict=True):
-            rows.append(f"{track},{at:.6f},{x:.6f},{y:.6f},{value:.6g},{value * std:.4g}")
+        for coordinate, (x, y), value, std in zip(along, sites.place, sites.value, sites.std, strict=True):
+            rows.append(f"{track},{coordinate:.6f},{x:.6f},{y:.6f},{value:.6g},{value * std:.4g}")
     return "\n".join(rows) + "\n"
 
 
@@ -61,7 +61,7 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
 def hiding_csv(hiding: Hiding) -> str:
     """One row for each place: x, y, on a surface z, and how many patches with their middle there are still expected."""
     places = zip(hiding.middles, hiding.expected, strict=True)
-    rows = [",".join([*(f"{at:.6f}" for at in place), f"{number:.4g}"]) for place, number in places]
+    rows = [",".join([*(f"{coordinate:.6f}" for coordinate in place), f"{number:.4g}"]) for place, number in places]
     head = ",".join(f"{axis}_m" for axis, _ in zip("xyz", hiding.middles.T))
     return "\n".join([f"{head},expected_patches", *rows]) + "\n"
 
@@ -115,10 +115,10 @@ def free_name(folder: Path, name: str, table: str) -> str:
     """Return a name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
     number = 1
     while True:
-        found = name if number == 1 else f"{name}-{number}"
-        there = [path for path in folder.glob(f"{found}.*") if path.is_file()]
-        if not there or _text_of(folder / f"{found}.csv") == table:
-            return found
+        candidate = name if number == 1 else f"{name}-{number}"
+        files = [path for path in folder.glob(f"{candidate}.*") if path.is_file()]
+        if not files or _text_of(folder / f"{candidate}.csv") == table:
+            return candidate
         number += 1
 
 

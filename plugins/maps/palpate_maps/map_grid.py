@@ -170,9 +170,9 @@ def line_distance(sites: Sites) -> float:
     return float(np.quantile(finite, _NEAREST_QUANTILE)) if len(finite) else _UNKNOWN_DISTANCE
 
 
-def _portions(rows: NDArray[np.intp], others: int) -> list[NDArray[np.intp]]:
+def _portions(rows: NDArray[np.intp], count: int) -> list[NDArray[np.intp]]:
     """Rows in portions whose distances to so many others may be held at once."""
-    return np.array_split(rows, max(len(rows) * others // _MAX_DISTANCES, 1))
+    return np.array_split(rows, max(len(rows) * count // _MAX_DISTANCES, 1))
 
 
 def nearest_distance(places: Floats, nodes: Floats) -> Floats:

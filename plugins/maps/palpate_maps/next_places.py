@@ -43,7 +43,7 @@ def lumps_apart(a: Lump, b: Lump, lift: Callable[[Floats], Floats] = np.asarray)
 def is_placed(
     before: Lump | None, now: Lump | None, sure: float, lift: Callable[[Floats], Floats] = np.asarray
 ) -> bool:
-    """True where a lump is placed: its p-value is below `sure`, and a round of visits moved it by less than a site.
+    """Return True if a lump is placed: its p-value is below `sure`, and a round of visits moved it by less than a site.
 
     A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
     """
@@ -79,7 +79,7 @@ class Knowledge:
         return height, spread, ndtr((height - np.log1p(contrast)) / spread)
 
     def typical_std(self, standing: bool) -> float:
-        """Standard deviation of the logarithm at a point, or at a site of a line; of all, without one."""
+        """Return the standard deviation of the logarithm at a point, or at a site of a line; of all, without one."""
         std = self.known.std[self.known.standing == standing]
         return float(np.median(std if len(std) else self.known.std))
 

@@ -46,9 +46,9 @@ class PathEstimates:
     @property
     def numbers(self) -> Floats:
         """The numbers (places, columns) of all places after the warm-up; of all places where none is after it."""
-        every = [self._places[place] for place in sorted(self._places)]
-        warm = [numbers for time, numbers in every if time >= self._begin + _WARM_UP]
-        return np.array(warm or [numbers for _, numbers in every])
+        visits = [self._places[place] for place in sorted(self._places)]
+        warm = [numbers for time, numbers in visits if time >= self._begin + _WARM_UP]
+        return np.array(warm or [numbers for _, numbers in visits])
 
 
 class Places:
@@ -61,9 +61,9 @@ class Places:
         """See `palpate_engine.TrackSummary`."""
         if not finite_rows(samples.lateral).any():
             return  # the tip's place is not known
-        known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
+        is_tracked = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
-        self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
+        self._way.add(samples.time[is_tracked], samples.lateral[is_tracked], np.column_stack(columns)[is_tracked])
 
     def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
         """See `palpate_engine.TrackSummary`."""
@@ -77,7 +77,7 @@ def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) ->
     uncertainty of its own, so that the combined one holds for any of them.
     """
     numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)
-    if not len(numbers) or not all(math.isfinite(found.value) for found in result.parameters.values()):
+    if not len(numbers) or not all(math.isfinite(value.value) for value in result.parameters.values()):
         return result
     # Columns are the parameters, their standard deviations, the surface, and its standard deviation.
     values, last = numbers[:, :count], way.last
@@ -85,7 +85,7 @@ def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) ->
     for i, name in enumerate(names):
         columns = [i, count + i]
         parameters[name] = _over_places(result.parameters[name], numbers[:, columns], last[columns])
-    effects = {name: found.effect(found.budget.get(_CAUSE, 0.0)) for name, found in parameters.items()}
+    effects = {name: value.effect(value.budget.get(_CAUSE, 0.0)) for name, value in parameters.items()}
     return replace(
         result,
         parameters=parameters,

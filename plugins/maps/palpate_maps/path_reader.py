@@ -95,17 +95,17 @@ def demand_one_pipeline(run: RunFolder) -> None:
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
     """Return the names of all tracks of a run's parts; raises LogError without any."""
-    known = {name for part in parts for name in tracks_of(part.path)}
-    if not known:
+    track_names = {name for part in parts for name in tracks_of(part.path)}
+    if not track_names:
         raise LogError(f"{folder}: is not a run folder: it has no table of estimates")
-    return known
+    return track_names
 
 
 def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
     """Raise LogError where no part has the track, or one that palpated lacks it."""
-    known = _demand_estimates(folder, parts)
-    if track not in known:
-        raise LogError(f"{folder}: no track {track!r} (there are: {', '.join(sorted(known))})")
+    track_names = _demand_estimates(folder, parts)
+    if track not in track_names:
+        raise LogError(f"{folder}: no track {track!r} (there are: {', '.join(sorted(track_names))})")
     for part in parts:
         _demand_track(part, track)
 

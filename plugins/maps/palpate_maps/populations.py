@@ -34,7 +34,7 @@ class Mode:
 
 
 def is_one(log: Floats, level: float = SINGLE) -> bool:
-    """True where values (n,) are compatible with one normal population, by Shapiro and Wilk's test (1965)."""
+    """Return True if values (n,) are compatible with one normal population, by Shapiro and Wilk's test (1965)."""
     from scipy import stats
 
     return len(log) < 2 * _MIN_SITES or float(np.ptp(log)) == 0.0 or float(stats.shapiro(log).pvalue) >= level

@@ -16,7 +16,7 @@ _MAX_INTERVALS = 3.0  # median intervals between samples; a longer one ends a li
 
 
 def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
-    """Standard deviation of a parameter along the way, relative, due to the skin's slopes; 0 where none is given.
+    """Return the relative standard deviation of a parameter along the way by the skin's slopes; 0 without any.
 
     An estimator that gives its sensitivity [s/m] takes the tip's velocity for that of the depth, so that a slope s
     under a tip that goes v sideways is a velocity s v that nothing explains but another stiffness. Its surface, height

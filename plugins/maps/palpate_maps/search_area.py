@@ -129,16 +129,16 @@ def _between(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
     return (values >= low - _ROUNDING) & (values <= high + _ROUNDING)
 
 
-def _box_of(pipeline: Pipeline, known: Floats, given: Box | None) -> tuple[Box, str]:
+def _box_of(pipeline: Pipeline, places: Floats, stated_box: Box | None) -> tuple[Box, str]:
     """Return the box of the area, and what bounds it, in words; raises ConfigurationError where the one given is
     empty."""
-    if given is not None:
-        x0, x1, y0, y1 = given
+    if stated_box is not None:
+        x0, x1, y0, y1 = stated_box
         if not (x1 > x0 and y1 > y0):
             text = f"{1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm"
             raise ConfigurationError(f"--area: {text} is empty: each axis goes from the lower to the higher coordinate")
-        return given, "--area"
-    low, high = known.min(axis=0), known.max(axis=0)
+        return stated_box, "--area"
+    low, high = places.min(axis=0), places.max(axis=0)
     if any(isinstance(device, KnowsTruth) for device in pipeline.devices.values()):
         return (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND), _SPECIMEN
     if (limits := pipeline.safety) is not None:

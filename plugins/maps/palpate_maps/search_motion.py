@@ -69,7 +69,7 @@ class SearchMotion:
         return surface_of(self.own)
 
     def can_go(self, proposals: list[Proposal]) -> bool:
-        """True where a surface is known all the way from each place to the next."""
+        """Return True if a surface is known all the way from each place to the next."""
         try:
             duration_of(self.along(proposals))
         except ConfigurationError:

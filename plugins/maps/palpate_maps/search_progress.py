@@ -44,10 +44,10 @@ def update_progress(
     findings: Findings, before: Sequence[LumpProgress], sites: Sites, area: Area, sure: float
 ) -> list[LumpProgress]:
     """Return every lump of a round against those of the round before; the surest first."""
-    known = [item.lump for item in before]
+    lumps_before = [item.lump for item in before]
     progress = []
     for lump in sorted(findings.lumps, key=attrgetter("p")):
-        nearest = min(known, key=lambda other: lumps_apart(other, lump, area.lift), default=None)
+        nearest = min(lumps_before, key=lambda other: lumps_apart(other, lump, area.lift), default=None)
         beyond, cut = borders(sites, lump, area)
         # Checked by a point of it, or by passes of its highest place.
         highest = area.lift(np.array([lump.highest or lump.place]))
@@ -58,7 +58,7 @@ def update_progress(
 
 
 def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
-    """True for each border of the known area at which a lump's stiffest place lies: one to cross, one not to."""
+    """Return True for each border at which a lump's stiffest place lies: one to be crossed, and one that may not."""
     from scipy.spatial import ConvexHull
 
     # The stiffest site of the lump, and a ring about it.

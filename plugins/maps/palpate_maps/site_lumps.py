@@ -44,7 +44,7 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
     A site that is not chosen is between two where it lies in the circle, or over a surface the ball, about their middle
     (Gabriel and Sokal 1969).
     """
-    others = place[~chosen]
+    unchosen = place[~chosen]
     remaining = set(np.flatnonzero(chosen).tolist())
     groups = []
     while remaining:
@@ -55,19 +55,21 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
         while ends:
             row = ends.pop()
             group.append(row)
-            neighbours = [other for other in sorted(remaining) if _are_joined(place[row], place[other], others, reach)]
+            neighbours = [
+                other for other in sorted(remaining) if _are_joined(place[row], place[other], unchosen, reach)
+            ]
             remaining.difference_update(neighbours)
             ends += neighbours
         groups.append(np.array(sorted(group)))
     return groups
 
 
-def _are_joined(a: Floats, b: Floats, others: Floats, reach: float) -> bool:
-    """True where two places are within reach, and none of the others lies in the circle about their middle."""
+def _are_joined(a: Floats, b: Floats, unchosen: Floats, reach: float) -> bool:
+    """Return True if two places are within reach, and no unchosen one lies in the circle about their middle."""
     distance = float(np.linalg.norm(b - a))
     if distance > reach:
         return False
-    return not bool((np.linalg.norm(others - (a + b) / 2, axis=1) < _BETWEEN * distance).any())
+    return not bool((np.linalg.norm(unchosen - (a + b) / 2, axis=1) < _BETWEEN * distance).any())
 
 
 def is_visit(sites: Sites) -> NDArray[np.bool_]:

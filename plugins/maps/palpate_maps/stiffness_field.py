@@ -161,9 +161,10 @@ class StiffnessField:
     @classmethod
     def of(cls, sites: Sites, nodes: Floats, level: float, kernel: FieldKernel | None = None) -> Self:
         """Return the field of sites, with the kernel fitted to them about a level; `kernel` is where the fit starts."""
-        made = cls(nodes, fit_kernel(sites.place, sites.log - level, _stated_variance(sites), kernel), len(sites))
-        made.factorise(sites)
-        return made
+        fitted_kernel = fit_kernel(sites.place, sites.log - level, _stated_variance(sites), kernel)
+        field_of_sites = cls(nodes, fitted_kernel, len(sites))
+        field_of_sites.factorise(sites)
+        return field_of_sites
 
     def factorise(self, sites: Sites) -> None:
         """Take sites in place of those known so far."""
@@ -194,7 +195,7 @@ class StiffnessField:
         return type(self).of(sites, self.nodes, level, self.kernel) if self._is_surprised() else self
 
     def _is_surprised(self) -> bool:
-        """True where the innovations since the fit are larger than the kernel lets expect."""
+        """Return True if the innovations since the fit are larger than the kernel lets expect."""
         from scipy.stats import chi2
 
         square = float(np.square(self.surprise).sum())
@@ -255,5 +256,5 @@ def _stated_variance(sites: Sites) -> Floats:
 
 
 def thinned(count: int, most: int) -> NDArray[np.intp]:
-    """Indices of at most so many of `count`, evenly."""
+    """Return at most `most` indices of `count`, evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))

@@ -72,9 +72,9 @@ def make_surface_map(
     # Vertices: covered cells below which the surface is known.
     covered = np.flatnonzero(nearest_distance(sites.place, nodes) <= COVERED * pitch)
     points = surface.uppermost(nodes[covered])
-    known = np.array([row not in points.unknown for row in range(len(covered))], bool)
-    vertices = points.position[known]
-    faces = _triangles(covered[known], len(x), len(y))
+    is_known = np.array([row not in points.unknown for row in range(len(covered))], bool)
+    vertices = points.position[is_known]
+    faces = _triangles(covered[is_known], len(x), len(y))
     if not len(faces):
         raise LogError("the surface is known at none of the map's cells")
     # The flat map's process and test, over places in space.
@@ -86,7 +86,7 @@ def make_surface_map(
     map_ = SurfaceMap(vertices=vertices, faces=faces, value=value, std=value * std, p=p, parameter=parameter, unit=unit)
     blind_below = blind_width(nearest_distance(lifted.place, vertices))
     return MapOnSurface(
-        map=map_, stiff=stiff, length=length, blind_below=blind_below, reach=_reach(np.abs(points.curvature[known]))
+        map=map_, stiff=stiff, length=length, blind_below=blind_below, reach=_reach(np.abs(points.curvature[is_known]))
     )
 
 
@@ -107,11 +107,12 @@ def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.
     return np.vstack([np.column_stack([a, b, c])[whole], np.column_stack([a, c, d])[whole]]).astype(np.int64)
 
 
-def surface_map_csv(made: MapOnSurface) -> str:
+def surface_map_csv(surface_map: MapOnSurface) -> str:
     """One row for each vertex: x, y, z, value, standard deviation, p-value, stiffer than the baseline."""
-    shown = made.map
-    rows = [f"x_m,y_m,z_m,{shown.parameter},{shown.parameter}_std,p,stiff"]
-    columns = zip(shown.vertices.tolist(), shown.value, shown.std, shown.p, made.stiff, strict=True)
+    drawn_map = surface_map.map
+    rows = [f"x_m,y_m,z_m,{drawn_map.parameter},{drawn_map.parameter}_std,p,stiff"]
+    numbers = drawn_map.value, drawn_map.std, drawn_map.p, surface_map.stiff
+    columns = zip(drawn_map.vertices.tolist(), *numbers, strict=True)
     rows += [
         f"{x:.6f},{y:.6f},{z:.6f},{value:.6g},{std:.4g},{p:.3g},{int(stiff)}"
         for (x, y, z), value, std, p, stiff in columns

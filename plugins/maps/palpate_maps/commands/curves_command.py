@@ -36,7 +36,7 @@ class TrackCurve:
 def curves_of(
     run: Path, tracks: Sequence[str] | None = None, parameter: str | None = None, prefix: str = ""
 ) -> dict[str, TrackCurve]:
-    """The curve of each track of a run that has estimates along a line, by the track's name after a prefix."""
+    """Return the curve of each track of a run with estimates along a line, by its name after a prefix."""
     from palpate_maps import map_analysis as maps
 
     curves = {}
@@ -97,17 +97,17 @@ def curves(
     labels = label or [run.name if len(runs) > 1 else "" for run in runs]
     if len(labels) != len(runs):
         raise ConfigurationError(f"--label: {len(labels)} labels for {len(runs)} runs")
-    found: dict[str, TrackCurve] = {}
+    curves_by_label: dict[str, TrackCurve] = {}
     kept = drop_rejected(runs)
     for name, run in zip(labels, runs, strict=True):
         tracks = curves_of(run) if run in kept else {}
         for track, curve in tracks.items():
-            known = [part for part in (track if len(tracks) > 1 or not name else "", name) if part]
-            found[", ".join(known)] = curve
-    if not found:
+            label_parts = [part for part in (track if len(tracks) > 1 or not name else "", name) if part]
+            curves_by_label[", ".join(label_parts)] = curve
+    if not curves_by_label:
         raise LogError(f"{', '.join(str(run) for run in runs)}: no sweep along a line")
-    unit = next(iter(found.values())).unit
-    tell_curves(found, points_of(points, out.parent) if points else None, unit, out, as_json)
+    unit = next(iter(curves_by_label.values())).unit
+    tell_curves(curves_by_label, points_of(points, out.parent) if points else None, unit, out, as_json)
 
 
 def tell_curves(
@@ -141,16 +141,16 @@ def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, u
     from palpate_engine import display_unit
     from rich.table import Table
 
-    word, factor = display_unit(unit)
+    unit_name, factor = display_unit(unit)
     table = Table(title="along the sweep", title_justify="left")
     table.add_column("track")
     table.add_column("lumps: place (contrast)")
     if points is not None:
-        table.add_column(f"against points\nRMS {word}", justify="right")
+        table.add_column(f"against points\nRMS {unit_name}", justify="right")
     for name, curve in curves.items():
-        found = [f"{1e3 * lump.along:.1f} mm ({100 * lump.contrast:.0f} %)" for lump in curve.lumps]
+        lump_texts = [f"{1e3 * lump.along:.1f} mm ({100 * lump.contrast:.0f} %)" for lump in curve.lumps]
         doubt = "; doubtful: it does not follow the changes" if curve.lags else ""
-        row = [name, (", ".join(found) or "none") + doubt]
+        row = [name, (", ".join(lump_texts) or "none") + doubt]
         if points is not None:
             row.append(f"{factor * _distance(curve, points):.3g}")
         table.add_row(*row)
@@ -163,24 +163,24 @@ def _distance(curve: TrackCurve, points: tuple[Any, Sites]) -> float:
 
     moving = ~curve.sites.standing
     order = np.argsort(curve.along[moving])
-    at, value = curve.along[moving][order], curve.sites.value[moving][order]
-    on = (points[0] >= at[0]) & (points[0] <= at[-1])
-    if not on.any():
+    coordinate, value = curve.along[moving][order], curve.sites.value[moving][order]
+    is_on_curve = (points[0] >= coordinate[0]) & (points[0] <= coordinate[-1])
+    if not is_on_curve.any():
         return float("nan")
-    apart = np.interp(points[0][on], at, value) - points[1].value[on]
-    return float(np.sqrt(np.mean(apart**2)))
+    difference = np.interp(points[0][is_on_curve], coordinate, value) - points[1].value[is_on_curve]
+    return float(np.sqrt(np.mean(difference**2)))
 
 
 def drop_rejected(runs: list[Path]) -> list[Path]:
-    """The runs that no review has rejected, continuations included; the rejected ones are printed."""
+    """Return the runs that no review has rejected, continuations included; print the rejected ones."""
     from palpate_maps import map_analysis as maps
 
-    out: dict[Path, str] = {}
+    reason_by_run: dict[Path, str] = {}
     for run in runs:
-        out |= maps.rejected_runs(run)
-    for path, reason in out.items():
+        reason_by_run |= maps.rejected_runs(run)
+    for path, reason in reason_by_run.items():
         typer.echo(f"{path} was rejected and is left out: {reason}", err=True)
-    return [run for run in runs if run not in out]
+    return [run for run in runs if run not in reason_by_run]
 
 
 def unit_of(run: Path, track: str, parameter: str) -> str:
@@ -189,7 +189,7 @@ def unit_of(run: Path, track: str, parameter: str) -> str:
 
     with suppress(PalpateError):
         model = recorded_pipeline(run).models.get(TrackName.parse(track).model)
-        for known in model.parameters if model else ():
-            if known.name == parameter:
-                return known.unit
+        for candidate in model.parameters if model else ():
+            if candidate.name == parameter:
+                return candidate.unit
     return ""

@@ -69,7 +69,7 @@ def lumps(
 
 
 def _view(findings: Findings, table: Table, source: str, unit: str) -> str:
-    """The lumps as a table of the terminal, with the background above and the test's power below."""
+    """Return the lumps as a table of the terminal, with the background above and the test's power below."""
     from palpate_engine import display_unit
 
     name, factor = display_unit(unit)
@@ -145,9 +145,9 @@ def compare(
 
 def _refuse_both(baseline: list[Path], suspect: list[Path]) -> None:
     """Raise ConfigurationError where a run is given twice, or both as a baseline and as a suspect."""
-    known = [run.resolve() for run in baseline]
+    baseline_runs = [run.resolve() for run in baseline]
     for run in suspect:
-        if run.resolve() in known:
+        if run.resolve() in baseline_runs:
             raise ConfigurationError(f"--suspect: {run} is also a --baseline: it cannot be tested against itself")
     for option, runs in (("--baseline", baseline), ("--suspect", suspect)):
         for i, run in enumerate(runs):
@@ -175,7 +175,7 @@ def sites_of(runs: list[Path], track: str | None, parameter: str | None) -> list
 
 
 def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
-    """The value of a run without places; raises LogError where it has no such value, or an invalid one."""
+    """Return the value of a run without places; raises LogError without a usable one."""
     tracks = RunFolder(run).result["tracks"]
     name = track or next((key for key, result in tracks.items() if result["verdict"] != "invalid"), None)
     if name is None or name not in tracks:
@@ -193,8 +193,8 @@ def by_place(sites: list[Site]) -> Floats:
 
     places: list[tuple[tuple[float, float] | Path, list[float]]] = []
     for where, value in sites:
-        for known, values in places:
-            if _is_same_place(known, where):
+        for known_place, values in places:
+            if _is_same_place(known_place, where):
                 values.append(value)
                 break
         else:
@@ -203,7 +203,7 @@ def by_place(sites: list[Site]) -> Floats:
 
 
 def _is_same_place(a: tuple[float, float] | Path, b: tuple[float, float] | Path) -> bool:
-    """True for places near each other, and for the same run without a place."""
+    """Return True for places near each other, and for the same run without a place."""
     if isinstance(a, Path) or isinstance(b, Path):
         return a == b
     return math.dist(a, b) < _SAME_PLACE

@@ -45,7 +45,7 @@ SurfaceName = Annotated[str | None, typer.Option(help="NAME of the [surface.NAME
 
 
 def length(text: str, option: str) -> float:
-    """A length of the command line [m]; raises ConfigurationError."""
+    """Return a length of the command line [m]; raises ConfigurationError."""
     try:
         return to_si(text, "m")
     except ValueError as error:
@@ -104,21 +104,21 @@ def map_run(
         show_cells(cells, run, folder, ending, as_json)
         return
     with progress(f"map of {run.resolve().name}"):
-        made, skin, sweep_length = _sites_and_lumps(run, folder, ending, track, parameter, where, surface)
+        output, skin, sweep_length = _sites_and_lumps(run, folder, ending, track, parameter, where, surface)
         if sweep_length is not None:
-            name, sentence, answer = _sweep(made, sweep_length, track, parameter, points)
+            name, sentence, answer = _sweep(output, sweep_length, track, parameter, points)
         elif skin is not None:
             if method != "gaussian-process":
                 raise ConfigurationError("--method: a map on a surface is a Gaussian process, in a PLY file")
-            name, sentence, answer = _on_surface(made, skin, length(cell, "--cell"))
+            name, sentence, answer = _on_surface(output, skin, length(cell, "--cell"))
         else:
-            name, sentence, answer = _map(made, length(cell, "--cell"), method)
-    if made.findings is not None and made.findings.warning:
-        typer.echo(f"warning: {made.findings.warning}", err=True)
+            name, sentence, answer = _map(output, length(cell, "--cell"), method)
+    if output.findings is not None and output.findings.warning:
+        typer.echo(f"warning: {output.findings.warning}", err=True)
     if as_json:
-        print_json({**answer, **made.document, "files": sorted(made.folder.glob(f"{name}.*"))})
+        print_json({**answer, **output.document, "files": sorted(output.folder.glob(f"{name}.*"))})
         return
-    typer.echo("\n".join([sentence, *made.uncertainty, f"written to {made.folder / name}.csv and next to it"]))
+    typer.echo("\n".join([sentence, *output.uncertainty, f"written to {output.folder / name}.csv and next to it"]))
 
 
 def _sites_and_lumps(
@@ -149,8 +149,8 @@ def _sites_and_lumps(
     with suppress(LogError):  # too few sites for lumps are enough for a map
         sites_of_lumps = sites if skin is None or along is not None else maps.sites_on(sites, skin)
         findings = maps.find_lumps(sites_of_lumps) if is_of_curves else maps.lumps_of_run(run, path, sites_of_lumps)
-    made = _MapOutput(run=run, folder=folder, ending=ending, path=path, sites=sites, findings=findings)
-    return made, skin, None if along is None else float(along.max() - along.min())
+    output = _MapOutput(run=run, folder=folder, ending=ending, path=path, sites=sites, findings=findings)
+    return output, skin, None if along is None else float(along.max() - along.min())
 
 
 @dataclass(frozen=True)
@@ -209,35 +209,35 @@ class _MapOutput:
 Written = tuple[str, str, dict[str, Any]]  # name of the files, a sentence, and the answer for programs
 
 
-def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | None, points: Path | None) -> Written:
-    """A curve along a line of so many metres."""
+def _sweep(output: _MapOutput, way: float, track: str | None, parameter: str | None, points: Path | None) -> Written:
+    """Write the curve along a line of a length [m], and its picture."""
     from palpate_maps import map_figures, map_files
 
-    path, folder = made.path, made.folder
-    curves = curves_of(made.run, [track] if track else None, parameter)
+    path, folder = output.path, output.folder
+    curves = curves_of(output.run, [track] if track else None, parameter)
     series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
     checked = points_of(points, folder, parameter) if points is not None else None
-    image = map_figures.sweep_picture(series, path.parameter, made.unit, made.findings, checked)
+    image = map_figures.sweep_picture(series, path.parameter, output.unit, output.findings, checked)
     table = map_files.sweep_csv(series, path.parameter)
     name = map_files.free_name(folder, "sweep", table)
     map_files.replace_file(folder / f"{name}.csv", table)
-    save_figure(image, folder / f"{name}.{made.ending}")
-    sentence = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.source}"
+    save_figure(image, folder / f"{name}.{output.ending}")
+    sentence = f"sweep of {1e3 * way:.4g} mm, {len(output.sites)} sites, {path.source}"
     return name, sentence, {"kind": "sweep", "length": way}
 
 
-def _map(made: _MapOutput, cell_size: float, method: str) -> Written:
+def _map(output: _MapOutput, cell_size: float, method: str) -> Written:
     """Write the map of an area, with cells of a size [m], and its picture."""
     from palpate_maps import map_analysis as maps, map_figures, map_files
 
-    path, folder, sites = made.path, made.folder, made.sites
-    field = maps.make_map(sites, cell_size, method, made.fit)  # type: ignore[arg-type]
-    image = map_figures.map_picture(field, path.parameter, made.unit, made.findings, outlines_of(made.run))
+    path, folder, sites = output.path, output.folder, output.sites
+    field = maps.make_map(sites, cell_size, method, output.fit)  # type: ignore[arg-type]
+    image = map_figures.map_picture(field, path.parameter, output.unit, output.findings, outlines_of(output.run))
     table = map_files.map_csv(field, path.parameter)
     name = map_files.free_name(folder, "map", table)
     map_files.replace_file(folder / f"{name}.csv", table)
     map_files.replace_file(folder / f"{name}.npz", map_files.map_npz(field, path.parameter))
-    save_figure(image, folder / f"{name}.{made.ending}")
+    save_figure(image, folder / f"{name}.{output.ending}")
     size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
     covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.source}"
     sentence = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm\n{_blind(field.blind_below)}"
@@ -251,35 +251,36 @@ def _blind(width: float) -> str:
     return f"blind to lumps narrower than {1e3 * width:.2g} mm: they may lie between the places that were palpated"
 
 
-def _on_surface(made: _MapOutput, surface: Surface, cell: float) -> Written:
-    """A map on a surface."""
+def _on_surface(output: _MapOutput, surface: Surface, cell: float) -> Written:
+    """Write the map on a surface, with cells of a size [m], and its picture."""
     from palpate_kit.runs.surface_map_figure import surface_map_figure
     from palpate_kit.runs.surface_map_file import write_surface_map
 
     from palpate_maps import map_files
     from palpate_maps.surface_map import make_surface_map, sites_on, surface_map_csv
 
-    path, folder, sites = made.path, made.folder, made.sites
-    found = make_surface_map(sites, surface, cell, path.parameter, made.unit, made.fit)
-    lumps = made.findings.lumps if made.findings else ()
+    path, folder, sites = output.path, output.folder, output.sites
+    surface_map = make_surface_map(sites, surface, cell, path.parameter, output.unit, output.fit)
+    lumps = output.findings.lumps if output.findings else ()
     places = [(*lump.place, lump.height, lump.p) for lump in lumps if lump.height is not None]
-    excluded = map_files.exclusion_table(made.findings) if made.findings else []
-    image = surface_map_figure(found.map, sites_on(sites, surface).place, places, excluded=excluded)
-    table = surface_map_csv(found)
+    excluded = map_files.exclusion_table(output.findings) if output.findings else []
+    image = surface_map_figure(surface_map.map, sites_on(sites, surface).place, places, excluded=excluded)
+    table = surface_map_csv(surface_map)
     name = map_files.free_name(folder, "map", table)
     map_files.replace_file(folder / f"{name}.csv", table)
-    map_files.replace_file(folder / f"{name}.ply", write_surface_map(found.map))
-    save_figure(image, folder / f"{name}.{made.ending}")
-    if found.warning:
-        typer.echo(f"warning: {found.warning}", err=True)
-    size = f"{len(found.map.vertices)} vertices, {len(sites)} sites, {path.source}"
-    interpolated = f"interpolated over {1e3 * found.length:.3g} mm\n{_blind(found.blind_below)}"
+    map_files.replace_file(folder / f"{name}.ply", write_surface_map(surface_map.map))
+    save_figure(image, folder / f"{name}.{output.ending}")
+    if surface_map.warning:
+        typer.echo(f"warning: {surface_map.warning}", err=True)
+    size = f"{len(surface_map.map.vertices)} vertices, {len(sites)} sites, {path.source}"
+    interpolated = f"interpolated over {1e3 * surface_map.length:.3g} mm\n{_blind(surface_map.blind_below)}"
     sentence = f"map on a surface, {size}, {interpolated}"
-    ends = {end: getattr(found.map.vertices, side)(axis=0).tolist() for end, side in (("low", "min"), ("high", "max"))}
+    vertices = surface_map.map.vertices
+    ends = {"low": vertices.min(axis=0).tolist(), "high": vertices.max(axis=0).tolist()}
     numbers = {
-        "interpolated_over": found.length,
-        "blind_below": found.blind_below,
-        "straight_within": found.reach,
+        "interpolated_over": surface_map.length,
+        "blind_below": surface_map.blind_below,
+        "straight_within": surface_map.reach,
     }
     return name, sentence, {"kind": "surface", **ends, **numbers}
 

@@ -110,7 +110,7 @@ class _SearchRounds:
     stopped: str | None = None  # why, where it visited places
 
     def propose(self) -> list[Proposal]:
-        """The places of the next round."""
+        """Return the places of the next round."""
         self.rounds.append(self.state.next_round())
         return self.rounds[-1]
 
@@ -130,7 +130,7 @@ class _SearchRounds:
         _end(self.state, ended)
 
     def _why_not(self, budget: float) -> str | None:
-        """The reason that no place of the latest round is visited; None where one is."""
+        """Return the reason that no place of the latest round is visited; None where one is."""
         if not self.rounds[-1]:
             return "every place that may be visited is known"
         if self.motion >= budget:
@@ -173,7 +173,7 @@ def _begin(
     box: Box | None,
     palpation: float,
 ) -> _SearchRounds:
-    """A search of a run that knows what was palpated; raises ConfigurationError."""
+    """Return a search of a run that knows what was palpated; raises ConfigurationError."""
     from palpate_kit.runs.continuation import recorded_pipeline
 
     from palpate_maps import map_analysis as maps
@@ -188,17 +188,18 @@ def _begin(
 
 
 def box_of(text: str | None) -> Box | None:
-    """The box (x0, x1, y0, y1) [m] that a text of four lengths names; raises ConfigurationError."""
+    """Return the box (x0, x1, y0, y1) [m] that a text of four lengths names; raises ConfigurationError."""
     if text is None:
         return None
-    words = [word.strip() for word in text.split(",")]
-    if len(words) != 4:
-        raise ConfigurationError(f'--area: {text!r} are {len(words)} lengths; write four, "x from, x to, y from, y to"')
-    x0, x1, y0, y1 = (length(word, "--area") for word in words)
+    ends = [end.strip() for end in text.split(",")]
+    if len(ends) != 4:
+        raise ConfigurationError(f'--area: {text!r} are {len(ends)} lengths; write four, "x from, x to, y from, y to"')
+    x0, x1, y0, y1 = (length(end, "--area") for end in ends)
     return x0, x1, y0, y1
 
 
 def _report(state: AreaSearch, spent: float) -> None:
+    """Print the lumps so far, after a time [s] of visits, and those that go on beyond the area."""
     certain = sum(item.certain for item in state.lumps)
     remains = f"; a patch remains with {_percent(state)}" if state.settings.risk is not None else ""
     typer.echo(f"after {spent:.0f} s of visits: {len(state.lumps)} lumps, {certain} of them certain{remains}")
@@ -211,13 +212,13 @@ def _end(state: AreaSearch, why: str) -> None:
     """Print the reason of a search's end, its lumps, and the patches that may be lumps."""
     typer.echo(f"stopped: {why}")
     for item in state.lumps:
-        words = "certain" if item.certain else "not certain"
+        properties = "certain" if item.certain else "not certain"
         if item.beyond:
-            words += "; stiffest at the border of what was palpated, so its middle may lie beyond"
+            properties += "; stiffest at the border of what was palpated, so its middle may lie beyond"
         elif item.cut:
-            words += f"; it reaches the border of {state.area.bounded_by}, so its middle may lie beyond"
-        words += "; long enough to be two" if item.lump.may_be_two else ""
-        typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {words}")
+            properties += f"; it reaches the border of {state.area.bounded_by}, so its middle may lie beyond"
+        properties += "; long enough to be two" if item.lump.may_be_two else ""
+        typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {properties}")
     for x, y in state.patches:
         typer.echo(f"  a patch about {1e3 * x:.1f} mm, {1e3 * y:.1f} mm is likely, but not significant as a lump")
     if not state.lumps and not state.patches:
@@ -225,6 +226,7 @@ def _end(state: AreaSearch, why: str) -> None:
 
 
 def _percent(state: AreaSearch) -> str:
+    """Return the probability that a patch remains, in words."""
     assert state.hiding is not None
     percent = 100 * state.hiding.risk
     return f"{percent:.2g} %" if percent < 99.5 else "more than 99 %"
@@ -242,11 +244,11 @@ def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> Non
     excluded = map_files.exclusion_table(findings) if findings is not None else []
     picture = hiding_picture(hiding, state.cells, [item.lump for item in state.lumps], excluded)
     save_figure(picture, folder / "hidden.png")
-    least = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
+    least_patch = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
     besides = "besides these" if state.lumps or state.patches else "in the area"
     typer.echo(
-        f"a patch {least}, or more, remains {besides} with a probability of {_percent(state)}, if {EXPECTED:g} such "
-        f"patches were expected beforehand; where: {folder / 'hidden.png'}"
+        f"a patch {least_patch}, or more, remains {besides} with a probability of {_percent(state)}, if {EXPECTED:g} "
+        f"such patches were expected beforehand; where: {folder / 'hidden.png'}"
     )
     if state.area.share < 1:
         typer.echo(f"  {100 * (1 - state.area.share):.2g} % of {state.area.bounded_by} cannot be visited; not included")
@@ -267,8 +269,8 @@ def visit(run: Path, motion: SearchMotion, places: list[Proposal]) -> float:
 
     folder = RunFolder(run)
     trajectory = motion.along(places)
-    what = f"{len(places)} places" if places[0].end is None else "a line"
-    with progress(f"visit of {what}", "s"):
+    goal = f"{len(places)} places" if places[0].end is None else "a line"
+    with progress(f"visit of {goal}", "s"):
         part = continue_pipeline(motion.pipeline, trajectory, len(folder.parts))
         result = run_pipeline(part, folder.next_part, report_progress)
     result.demand_whole()
