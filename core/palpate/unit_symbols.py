@@ -140,10 +140,10 @@ def read_unit(written: str) -> Unit:
         factor = base.numerator, base.denominator
         if power < 0:
             factor = base.denominator, base.numerator
-        whole, rest = divmod(abs(power), 1.0)  # a rest is 0.5: `_TOKEN` admits no other
+        whole, fraction = divmod(abs(power), 1.0)  # a fraction is 0.5: `_TOKEN` admits no other
         numerator *= factor[0] ** int(whole)
         denominator *= factor[1] ** int(whole)
-        root *= math.sqrt(factor[0] / factor[1]) if rest else 1.0
+        root *= math.sqrt(factor[0] / factor[1]) if fraction else 1.0
         for dimension, exponent_in_base in base.dimensions.items():
             dimensions[dimension] = dimensions.get(dimension, 0.0) + exponent_in_base * power
         sign = 1
