@@ -75,7 +75,7 @@ class ForceWatch:
 
 
 def torque_fault(torques: Floats, tare: Floats, most: float) -> str | None:
-    """Return why torques (n, axes) [N m] stop a motion: over `most` from their tare (axes,), or invalid."""
+    """Return why torques (n, axes) [N m] stop a motion: over `most` from their tare (axes,), or invalid; else None."""
     largest = float(np.abs(torques - tare).max(initial=0.0))
     if largest <= most:
         return None

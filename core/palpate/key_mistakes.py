@@ -124,7 +124,7 @@ def _nested(settings: type[BaseModel], path: Location) -> type[BaseModel] | None
 
 
 def _settings_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the first settings among the arguments of an annotation."""
+    """Return the first settings among the arguments of an annotation; None without any."""
     for argument in get_args(annotation):
         if isinstance(argument, type) and issubclass(argument, BaseModel):
             return argument

@@ -176,7 +176,7 @@ class Health:
 
     @property
     def rate(self) -> float | None:
-        """The mean rate [Hz] of the readings in order, from their time-stamps."""
+        """The mean rate [Hz] of the readings in order, from their time-stamps; None of fewer than two instants."""
         count = self.samples - self.duplicates - self.backwards
         if self.first is None or self.last is None or self.last == self.first:
             return None

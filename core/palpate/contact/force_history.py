@@ -95,7 +95,10 @@ def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, 
 
 
 def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Floats) -> int:
-    """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s]."""
+    """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s].
+
+    Raises ValueError where that rate is not finite, or an interval needs more than 64 steps.
+    """
     import casadi
 
     # The rate at which states forget, along the motion and from rest.

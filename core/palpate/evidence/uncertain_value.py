@@ -61,7 +61,10 @@ class UncertainValue:
 
     @property
     def corrected(self) -> UncertainValue | None:
-        """The value less its known bias, with the bias's uncertainty in place of all of it (GUM 3.2.4)."""
+        """The value less its bias, with the bias's uncertainty in place of all of it (GUM 3.2.4).
+
+        None without a bias whose uncertainty is known.
+        """
         if self.bias is None or self.bias.std is None:
             return None
         budget = {**self.budget, **self.left}

@@ -64,7 +64,7 @@ class TouchSearch:
         self.due = FIRST_READINGS  # samples at which the next look is taken
 
     def next_touch(self, samples: Samples, final: bool) -> RecordTouch | None:
-        """Return the touch that two looks in a row show, by all samples of the record so far.
+        """Return the touch that two looks in a row show, by all samples of the record so far; None until then.
 
         Where `final`, a look at the end is the last.
         """

@@ -28,7 +28,10 @@ _LOOK = 0.01  # [s] between the places that count for the box of a motion: a cho
 
 
 def run_facts(pipeline: Pipeline) -> dict[str, Any]:
-    """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
+    """Return name, pipeline, command, seed, versions, plugins, hashes of the inputs and host of a run.
+
+    Raises PluginError for a device whose provenance is not a mapping.
+    """
     inputs = dict[str, str]()
     for name, device in pipeline.devices.items():
         provenance: Any = device.provenance

@@ -54,7 +54,10 @@ def _demand_empty(folder: Path) -> None:
 
 
 def _claim(folder: Path) -> None:
-    """Lock a folder that is empty yet, so that of two runs that begin at once only one writes there."""
+    """Lock a folder that is empty yet, so that of two runs that begin at once only one writes there.
+
+    Raises OutputError where another one has the lock; a file system without locks has none.
+    """
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -70,7 +70,10 @@ class TouchWatch:
             self._lately[-1] = began, max(deepest, way)
 
     def _air_fault(self, time: float, count: int, total: float, in_air: bool) -> str | None:
-        """Return why the zero in free air is another one than at standstill, at its end or after half a second."""
+        """Return why the zero in free air is another one than at standstill; None where it is not.
+
+        It is compared at the end of the way through free air, and after every half second of it.
+        """
         # A stretch in free air begins, and its readings are collected after the tip has left the material.
         if in_air and self._air_began is None:
             self._air_began, self._count, self._sum, self._was_touched = time, 0, 0.0, False
@@ -110,7 +113,7 @@ class TouchWatch:
         return max(self._sound.drift * elapsed, min(self._drift * elapsed, _LARGEST_SHIFT))
 
     def _pull(self, time: float) -> str | None:
-        """Return what pulls the tip before it touches."""
+        """Return what pulls the tip before it touches, in a sentence; None where nothing does."""
         mean, sound = self._contact.mean, self._sound
         if mean is None or self._was_touched:
             return None
@@ -122,7 +125,10 @@ class TouchWatch:
         )
 
     def _excess(self, time: float, count: int, total: float, way: float, place: Sequence[float]) -> str | None:
-        """Return by how much the force exceeds that of the stiffest material at this depth; note the touch's slope."""
+        """Return by how much the force exceeds that of the stiffest material at this depth, in a sentence; else None.
+
+        At the first reading of a touch its place is kept, and its slope once enough of it has come.
+        """
         contact, sound = self._contact, self._sound
         if self._foot is None:
             assert contact.foot is not None

@@ -64,7 +64,7 @@ class FreeAir:
 def _from_curvature(values: Floats) -> float:
     """Return the noise of readings from their second differences, in which slow motion and drift drop out.
 
-    White noise of standard deviation s gives them a variance of 6 s^2.
+    White noise of standard deviation s gives them a variance of 6 s^2. Raises LogError of fewer than 50 readings.
     """
     curvature = np.diff(values, 2)
     curvature = curvature[np.isfinite(curvature)]

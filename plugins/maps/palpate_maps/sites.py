@@ -53,7 +53,7 @@ class Sites:
 
 
 def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
-    """Sites of a path: one for each `spacing` [m] of a sweep, one for each stay at a place.
+    """Return the sites of a path: one for each `spacing` [m] of a sweep, one for each stay at a place.
 
     A sweep's site is the mean over its piece of the way; a stay's site the mean over its last half second. The standard
     deviation of neighbouring samples is that of one of them, since a filter's errors are alike over many samples. The

@@ -79,7 +79,7 @@ def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackRe
 
 
 def _samples_of(pipeline: Pipeline) -> Samples:
-    """Return the samples of a recorded pipeline, without any estimate."""
+    """Return the samples of a recorded pipeline, without any estimate; raises KeyboardInterrupt at Ctrl-C."""
     aligner, blocks = pipeline.new_aligner(), list[Samples]()
     with interruptible() as interrupt:
         run_flow(Flow(pipeline, each(aligner.feed), interrupt))

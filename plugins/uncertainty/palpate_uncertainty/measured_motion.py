@@ -78,7 +78,10 @@ def _max(depth: Floats) -> float:
 
 
 def _half_space(track: TrackEvidence) -> float | None:
-    """Return the thickness [m] above which a bonded layer moves the elasticity by less than its uncertainty."""
+    """Return the thickness [m] above which a bonded layer moves the elasticity by less than its uncertainty.
+
+    None without an elasticity, or where its uncertainty is unknown or 0.
+    """
     roles = [parameter.role for parameter in track.model.parameters]
     if "elastic" not in roles:
         return None

@@ -114,7 +114,10 @@ def _winners(group: Sequence[Candidate]) -> list[str]:
 
 
 def _mean_elasticity(fits: Sequence[Candidate]) -> tuple[float, float] | None:
-    """Return the mean elasticity [Pa] over records, and its RMS uncertainty or the records' spread, the larger."""
+    """Return the mean elasticity [Pa] over records, and its RMS uncertainty or the records' spread, the larger.
+
+    None where no record has one.
+    """
     values = np.array([candidate.elasticity for candidate in fits if candidate.elasticity is not None])
     if not len(values):
         return None

@@ -44,7 +44,7 @@ def stand_still(live: LiveRun, noise: Noise) -> Standstill | None:
 
 
 def compensable_offset(live: LiveRun) -> Offset | None:
-    """Return the sensor's reading in free air as it is stored, where arms are to move and one is."""
+    """Return the stored reading of the sensor in free air; None where none is stored, or no arm is to move."""
     if live.trajectory is None or live.rig.safety is None or not live.arms:
         return None
     health = {name: link.health for name, link in live.links.links.items() if isinstance(link, ReportsHealth)}

@@ -35,7 +35,10 @@ def edited_text(text: str, device: str, changes: Edit) -> str:
 
 
 def write_pipeline(file: Path, text: str, out: Path | None) -> Path | None:
-    """Write a text to a new file, or over the pipeline; return the copy of the former one. Raises OutputError."""
+    """Write a text to a new file, or over the pipeline; return the copy of the former one.
+
+    None where nothing was there before. Raises OutputError.
+    """
     if out is not None:
         write_new(out, text)
         return None
