@@ -130,6 +130,17 @@ def test_a_gel_relaxes_by_the_master_curve_of_its_tip(tip, radius, g):
     assert model.force(2e-3, 0.0, (elasticity, poisson, diffusivity)) == pytest.approx(2 * elasticity / 0.96 * area)
 
 
+def test_a_gel_may_relax_faster_than_the_samples_come():
+    """A small contact relaxes within 20 us: the forces at samples every 2 ms are those of fine ones."""
+    model, theta, forces = Poroelastic(indenter=TIP), (1e5, 0.2, 2.4e-5), []
+    for rate in (500, 20000):
+        time = np.arange(rate // 2 + 1) / rate
+        phase = 2 * np.pi * time
+        depth, speed = 1.5e-3 * (1 - np.cos(phase)), 3e-3 * np.pi * np.sin(phase)
+        forces.append(force_over_time(model, time, depth, speed, theta)[:: rate // 500])
+    np.testing.assert_allclose(forces[0], forces[1], atol=1e-4 * np.max(forces[1]))
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [

@@ -16,11 +16,21 @@ FLAT = Flat(radius=RADIUS)
 STIFFNESS = 2 * RADIUS / (1 - NU**2)  # of a flat tip, per Young's modulus [m]
 
 
-def test_standard_linear_solid_on_a_ramp():
+class NonlinearSolid(StandardLinearSolid):
+    """A solid whose arm fades the faster the more force it carries."""
+
+    def memory_rate(self, depth, rate, theta, memory):
+        (slope,) = super().memory_rate(depth, rate, theta, memory)
+        return (slope - memory[0] ** 3 / theta[2],)
+
+
+@pytest.mark.parametrize("tau", [TAU, 1e-3, 1e-6])
+def test_standard_linear_solid_on_a_ramp(tau):
+    """An arm that fades much faster than the samples come is a damper, E_1 tau."""
     time = np.arange(80) / 800
     depth = 1e-12 + 0.02 * time  # in contact from the first instant
-    force = force_over_time(StandardLinearSolid(indenter=FLAT), time, depth, np.full(80, 0.02), [E0, E1, TAU])
-    exact = STIFFNESS * 0.02 * (E0 * time + E1 * TAU * (1 - np.exp(-time / TAU)))
+    force = force_over_time(StandardLinearSolid(indenter=FLAT), time, depth, np.full(80, 0.02), [E0, E1, tau])
+    exact = STIFFNESS * 0.02 * (E0 * time + E1 * tau * (1 - np.exp(-time / tau)))
     np.testing.assert_allclose(force[1:], exact[1:], rtol=1e-7)
 
 
@@ -65,8 +75,9 @@ def test_slow_motion_of_a_solid_is_kelvin_voigt():
     assert np.max(np.abs(found - slow)[200:]) < 0.02 * np.max(np.abs(viscous))
 
 
-def test_the_integration_does_not_depend_on_the_samples():
-    model, theta = StandardLinearSolid(indenter=ExactSphere(radius=RADIUS)), [E0, E1, 0.02]
+@pytest.mark.parametrize("kind", [StandardLinearSolid, NonlinearSolid])
+def test_the_integration_does_not_depend_on_the_samples(kind):
+    model, theta = kind(indenter=ExactSphere(radius=RADIUS)), [E0, E1, 0.02]
     forces = []
     for rate in (400, 1600):
         time = np.arange(rate + 1) / rate
@@ -95,9 +106,10 @@ def test_a_material_that_does_not_stick_never_pulls():
 
 
 def test_too_fast_a_memory_for_the_samples_is_refused():
+    """Where a state's rate depends on the state, no step is exact, and the samples are too far apart."""
     time = np.arange(10) / 10.0
     with pytest.raises(ValueError, match="too fast for samples every 100 ms"):
-        force_over_time(StandardLinearSolid(indenter=FLAT), time, np.full(10, 1e-3), np.zeros(10), [E0, E1, 1e-4])
+        force_over_time(NonlinearSolid(indenter=FLAT), time, np.full(10, 1e-3), np.zeros(10), [E0, E1, 1e-4])
 
 
 def test_no_samples_no_forces():

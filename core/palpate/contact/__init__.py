@@ -5,6 +5,7 @@ from palpate.contact.force_history import force_over_time
 from palpate.contact.interfaces import ContactModel, Indenter, MaterialValue, Parameter, contact_force
 from palpate.contact.loading_cycle import LoadingCycle, loading_cycle_force
 from palpate.contact.sensitivity import force_slopes
+from palpate.contact.state_step import advance_states
 from palpate.contact.tip_shape import tip_profile
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "LoadingCycle",
     "MaterialValue",
     "Parameter",
+    "advance_states",
     "arctan",
     "contact_force",
     "force_over_time",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from palpate.contact.interfaces import ContactModel, contact_force
+from palpate.contact.state_step import advance_states, fades_separately
 from palpate.vectors import Floats
 
 _MIN_STEPS = 4  # a choice: steps of the integration from one sample to the next
@@ -36,10 +37,10 @@ def force_over_time(
     """Return the force (n,) [N] at instants (n,) [s] of a motion given by depth (n,) [m] and its rate (n,) [m/s].
 
     The parameters are one set (k,), or that of each instant (n, k), which also holds for the interval that ends there.
-    Internal states start from `memory` (none given: 0, a material at rest) and are integrated by the Runge-Kutta method
-    of order 4 between the instants, over which the depth is the cubic that has the given depths and rates. Steps are
-    chosen from the fastest of the model's own rates. `pulls` as in `contact_force`. Raises ValueError where the states
-    change so fast that the instants are too far apart.
+    Internal states start from `memory` (none given: 0, a material at rest) and are integrated by `advance_states`
+    between the instants, over which the depth is the cubic that has the given depths and rates. `pulls` as in
+    `contact_force`. Raises ValueError where states that depend on each other change so fast that the instants are too
+    far apart.
     """
     time, depth, rate, theta = (np.asarray(values, float) for values in (time, depth, rate, theta))
     values = list(theta.T) if theta.ndim > 1 else theta.tolist()
@@ -95,8 +96,9 @@ def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, 
 
 
 def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Floats) -> int:
-    """Return the steps that an interval needs, by the largest rate at which any state forgets [1/s].
+    """Return the steps that an interval needs.
 
+    Where each state fades by itself any step is long enough; else it is by the largest rate at which any forgets [1/s].
     Raises ValueError where that rate is not finite, or an interval needs more than 64 steps.
     """
     import casadi
@@ -105,11 +107,13 @@ def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, 
     rows = np.linspace(0, len(depth) - 1, min(len(depth), _RATE_CHECKS)).astype(int)
     motion = casadi.DM(np.array([depth[rows], rate[rows]]))
     at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(theta[rows].T)
-    rates = _function(model, 0)(at_rest, motion, values)
+    rates, fades = _function(model, 0)(at_rest, motion, values)
     fastest = float(np.max(np.array(rates)))
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):
         raise ValueError(f"{type(model).__name__}.memory_rate is not finite")
+    if np.all(np.array(fades)):
+        return _MIN_STEPS
     steps = max(_MIN_STEPS, math.ceil(fastest * longest / _STEP_TIMES_RATE))
     if steps > _MAX_STEPS:
         raise ValueError(
@@ -136,23 +140,22 @@ def _function(model: ContactModel, steps: int, block: int = 1) -> Any:
 
 
 def _forgetting_function(model: ContactModel) -> Any:
-    """Return a CasADi function of states, depth and rate, and parameters: the rate at which states forget [1/s]."""
+    """Return a CasADi function of states, depth and rate, and parameters.
+
+    It gives the rate at which states forget [1/s], and 1 where each fades by itself, else 0.
+    """
     import casadi
 
     state, motion = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("d", 2)
     theta = casadi.SX.sym("p", len(model.parameters))
     change = casadi.vertcat(*model.memory_rate(motion[0], motion[1], casadi.vertsplit(theta), casadi.vertsplit(state)))
-    return casadi.Function("j", [state, motion, theta], [casadi.norm_1(casadi.jacobian(change, state))])
+    jacobian = casadi.jacobian(change, state)
+    fades = casadi.SX(float(fades_separately(jacobian, state)))
+    return casadi.Function("j", [state, motion, theta], [casadi.norm_1(jacobian), fades])
 
 
 def _interval_function(model: ContactModel, steps: int) -> Any:
-    """Return a CasADi function of states, an interval and parameters: the states at the end of the interval.
-
-    By the classical Runge-Kutta method of order 4 in equal steps::
-
-        x <- x + h/6 (k1 + 2 k2 + 2 k3 + k4)    k1 = f(t, x)    k2 = f(t + h/2, x + h/2 k1)
-        k3 = f(t + h/2, x + h/2 k2)             k4 = f(t + h, x + h k3)
-    """
+    """Return a CasADi function of states, an interval and parameters: the states after the interval, in equal steps."""
     import casadi
 
     state, theta = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("p", len(model.parameters))
@@ -164,14 +167,9 @@ def _interval_function(model: ContactModel, steps: int) -> Any:
         depth, rate = _cubic(fraction, length, *ends)
         return casadi.vertcat(*model.memory_rate(depth, rate, casadi.vertsplit(theta), casadi.vertsplit(x)))
 
-    h, x = length / steps, state
+    x = state
     for i in range(steps):
-        begin, middle, end = i / steps, (i + 0.5) / steps, (i + 1) / steps
-        k1 = rate_of_change(begin, x)
-        k2 = rate_of_change(middle, x + h / 2 * k1)
-        k3 = rate_of_change(middle, x + h / 2 * k2)
-        k4 = rate_of_change(end, x + h * k3)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        x = advance_states(lambda share, q, i=i: rate_of_change((i + share) / steps, q), length / steps, x)
     return casadi.Function("interval", [state, interval, theta], [x], {"cse": True})
 
 

@@ -7,11 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Floats, contact_force
+from palpate import ContactModel, Floats, advance_states, contact_force
 from palpate_kit.kernel import Step
 
 from palpate_fits.columns.column_function import ColumnFunction
-from palpate_fits.fading_states import fade_states
 from palpate_fits.lazy_kernel import LazyKernel
 from palpate_fits.loss import LossFunction
 from palpate_fits.record_arrays import COLUMNS, PARTS, FitRecord
@@ -223,9 +222,8 @@ def _memory_step(residual: Residual, row: Any, x: Any, transition: Any) -> tuple
 def _next_memory(model: ContactModel, row: Any, x: Any, transition: Any, memory: Any) -> Any:
     """Return the memory (c,) after the interval that ends with a sample.
 
-    The tip goes straight from the depth at the sample before to that at this one, each `delay` earlier. The rate
-    equation is solved exactly where each state fades by itself (`fade_states`), else by one step of Runge and Kutta's
-    fourth order. `row` is a row of `FitRecord.columns`.
+    The tip goes straight from the depth at the sample before to that at this one, each `delay` earlier.
+    `row` is a row of `FitRecord.columns`.
     """
     import casadi as ca
 
@@ -242,11 +240,4 @@ def _next_memory(model: ContactModel, row: Any, x: Any, transition: Any, memory:
         smooth, smooth_rate = smooth_depth(depth_before + share * (depth - depth_before), rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
-    faded = fade_states(memory_rate, interval, memory)
-    if faded is not None:
-        return faded
-    k1 = memory_rate(0.0, memory)
-    k2 = memory_rate(0.5, memory + 0.5 * interval * k1)
-    k3 = memory_rate(0.5, memory + 0.5 * interval * k2)
-    k4 = memory_rate(1.0, memory + interval * k3)
-    return memory + interval / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return advance_states(memory_rate, interval, memory)

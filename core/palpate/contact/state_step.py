@@ -1,4 +1,4 @@
-"""Internal states that fade each by itself, over an interval of any length: no step is too long for them."""
+"""One step of a material's internal states, from the expression of their rate."""
 
 from __future__ import annotations
 
@@ -9,6 +9,25 @@ _SERIES_BELOW = 0.25  # z of an interval, below which the moments are taken from
 _SERIES_TERMS = 10  # the next one is at most 0.25^10/11!, 2e-14 of the first
 
 
+def advance_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> Any:
+    """Return states (k, 1) after a step [s], from their rate at a share of it and at states.
+
+    By `fade_states` where each state fades by itself, with no limit to the step, else by the classical Runge-Kutta
+    method of order 4::
+
+        x + h/6 (k1 + 2 k2 + 2 k3 + k4)    k1 = f(0, x)    k2 = f(1/2, x + h/2 k1)
+        k3 = f(1/2, x + h/2 k2)            k4 = f(1, x + h k3)
+    """
+    faded = fade_states(slope, step, memory)
+    if faded is not None:
+        return faded
+    k1 = slope(0.0, memory)
+    k2 = slope(0.5, memory + 0.5 * step * k1)
+    k3 = slope(0.5, memory + 0.5 * step * k2)
+    k4 = slope(1.0, memory + step * k3)
+    return memory + step / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
 def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> Any | None:
     """Return states (k, 1) after an interval, from slopes dq/dt = l - c q at shares 0, 1/2 and 1 of it.
 
@@ -16,20 +35,22 @@ def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> A
 
     q(h) = e^-z q(0) + h int_0^1 e^(-z (1 - u)) l(u) du with z = h c by Simpson's rule and l the parabola through its
     three values: an exponential integrator (Hochbruck and Ostermann 2010), exact for any z where c stays the same and l
-    is a parabola. Runge and Kutta's method of order 4 leaves for infinity from z = 2.8 on.
+    is a parabola. Where an arm fades much faster than the step, q = l/c remains, which is the force of a damper. Runge
+    and Kutta's method of order 4 leaves for infinity from z = 2.8 on.
     """
     import casadi as ca
 
     count = int(memory.numel())
     loads, rates = [], []
     for share in (0.0, 0.5, 1.0):
-        change = slope(share, memory)
-        jacobian = ca.jacobian(change, memory)
-        is_diagonal = (jacobian.sparsity() + ca.Sparsity.diag(count)).nnz() <= count
-        if not is_diagonal or ca.depends_on(jacobian, memory):
+        # The step begins at an expression; the derivative needs a symbol.
+        state = ca.SX.sym("q", count)
+        change = slope(share, state)
+        jacobian = ca.jacobian(change, state)
+        if not fades_separately(jacobian, state):
             return None
         rates.append(-ca.diag(jacobian))
-        loads.append(ca.substitute(change, memory, ca.SX.zeros(count)))
+        loads.append(ca.substitute(change, state, ca.SX.zeros(count)))
     # Simpson's rule for the rate c over the interval.
     z = step * (rates[0] + 4.0 * rates[1] + rates[2]) / 6.0
     # The parabola l = l0 + l1 u + l2 u^2 through the loads at u = 0, 1/2, 1, and its integral.
@@ -38,6 +59,15 @@ def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> A
     quadratic = 2.0 * first - 4.0 * middle + 2.0 * last
     moment_0, moment_1, moment_2 = _moments(z)
     return ca.exp(-z) * memory + step * (first * moment_0 + linear * moment_1 + quadratic * moment_2)
+
+
+def fades_separately(jacobian: Any, states: Any) -> bool:
+    """Return True where the Jacobian (k, k) of the states' rates is diagonal and does not depend on the states."""
+    import casadi as ca
+
+    count = int(states.numel())
+    is_diagonal = (jacobian.sparsity() + ca.Sparsity.diag(count)).nnz() <= count
+    return is_diagonal and not ca.depends_on(jacobian, states)
 
 
 def _moments(z: Any) -> tuple[Any, Any, Any]:
