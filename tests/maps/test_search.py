@@ -11,7 +11,7 @@ from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.hidden_patches import EXPECTED, Hiding, Patch, hidden_patches
 from palpate_maps.map_analysis import Knowledge, Sites, area_of, find_lumps
-from palpate_maps.map_figures import _patch_density
+from palpate_maps.map_figures import _patch_density, hiding_picture
 from palpate_maps.next_places import passes
 from palpate_maps.search_actions import ActionGrid
 from palpate_maps.stiffness_field import FieldKernel, StiffnessField, interpolated
@@ -72,6 +72,16 @@ def test_what_is_palpated_everywhere_hides_nothing_and_a_hole_hides_what_it_may(
     beyond = NODES[:, 0] > 0.01
     assert hiding.expected[beyond].sum() == pytest.approx(EXPECTED * beyond.mean(), rel=0.1)
     assert hiding.expected[NODES[:, 0] < -0.004].sum() < 1e-3
+
+
+def test_the_picture_of_a_cleared_area_is_dark():
+    """Its scale goes up to what was expected beforehand, 1.5 patches in 63 mm x 43.1 mm of cells."""
+    hiding = hidden_patches(points(0, 200), NODES, PATCH)
+    axis = hiding_picture(hiding, cells_of(NODES), []).axes[0]
+    (image,) = axis.images
+    assert image.get_clim() == pytest.approx((0.0, 100 * EXPECTED / (6.3 * 4.3077)), rel=1e-3)
+    assert np.ptp(np.asarray(image.get_array())) < 0.01 * image.get_clim()[1]
+    assert axis.get_title(loc="left") == "a patch remains with less than 0.01 %"
 
 
 @pytest.mark.parametrize("stiffer", [1.0, 3.0])

@@ -31,6 +31,9 @@ _MANY_SITES = 200  # from which on the combinations are not weighed again each t
 _GROWTH = 1.25  # times the sites that were weighed by, from which on they are weighed again
 _MIN_SITES = 3  # with fewer the posterior is the prior
 _SMALLEST_NUMBER = 1e-300  # of patches, in a quotient in place of 0: near the smallest double
+# Of a probability in words, a choice: no prior is so well known that less means anything.
+_MIN_PERCENT = 0.01
+_ROUNDS_TO_ALL = 99.5  # percent
 # Exponents between which odds are a finite number above zero that a sum over places is not lost in.
 _MIN_EXPONENT, _MAX_EXPONENT = -700, 50
 
@@ -85,6 +88,14 @@ class Hiding:
     def risk(self) -> float:
         """Probability that a patch remains: 1 - exp(-expected number)."""
         return float(-np.expm1(-self.expected.sum()))
+
+    @property
+    def risk_text(self) -> str:
+        """The probability that a patch remains, in words; beyond 0.01 and 99 % as a limit."""
+        percent = 100 * self.risk
+        if percent < _MIN_PERCENT:
+            return f"less than {_MIN_PERCENT:g} %"
+        return f"{percent:.2g} %" if percent < _ROUNDS_TO_ALL else "more than 99 %"
 
 
 def hidden_patches(

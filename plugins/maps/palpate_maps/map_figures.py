@@ -13,7 +13,7 @@ from palpate_kit.runs.exclusion_figure import draw_exclusion
 from palpate_kit.runs.lump_marks import CROSS, label_lump, mark_lumps
 
 from palpate_maps.grid_cells import Cells, grid_steps
-from palpate_maps.hidden_patches import Hiding
+from palpate_maps.hidden_patches import EXPECTED, Hiding
 from palpate_maps.lump_criteria import Findings, Lump
 from palpate_maps.map_files import exclusion_table
 from palpate_maps.map_grid import StiffnessMap
@@ -74,7 +74,11 @@ def hiding_picture(
     figure, axes = figure_of(2 if excluded else 1, height=70.0)
     axis = axes[0, 0]
     field, extent = _patch_density(hiding, cells)
-    image = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0)
+    # The scale goes up to what was expected beforehand, at least: a cleared area is dark.
+    area = np.isfinite(field).mean() * (extent[1] - extent[0]) * (extent[3] - extent[2]) / _SQUARE_CENTIMETRE
+    prior = 100 * EXPECTED / area
+    highest = max(min(prior, 100.0), float(np.nanmax(field)))
+    image = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0, vmax=highest)
 
     # The figure is as wide as the area and its colour scale, and the curve of what is excluded.
     area_width = _PLOT_HEIGHT * (extent[1] - extent[0]) / (extent[3] - extent[2]) + _SCALE_WIDTH
@@ -86,10 +90,11 @@ def hiding_picture(
 
     is_tilted = hiding.middles.shape[1] > 2
     view = " seen from above" if is_tilted else ""
-    figure.colorbar(image, ax=axis, shrink=0.8, label=f"patches expected [% per cm²{view}]")
+    scale_label = f"patches expected [% per cm²{view}]\n{prior:.2g} beforehand"
+    figure.colorbar(image, ax=axis, shrink=0.8, label=scale_label)
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
-    axis.set(title=f"a patch remains with {100 * hiding.risk:.3g} %", xlabel="x [mm]", ylabel="y [mm]")
+    axis.set(title=f"a patch remains with {hiding.risk_text}", xlabel="x [mm]", ylabel="y [mm]")
     axis.grid(False)
     return figure
 

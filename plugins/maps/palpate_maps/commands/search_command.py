@@ -201,7 +201,9 @@ def box_of(text: str | None) -> Box | None:
 def _report(state: AreaSearch, spent: float) -> None:
     """Print the lumps so far, after a time [s] of visits, and those that go on beyond the area."""
     certain = sum(item.certain for item in state.lumps)
-    remains = f"; a patch remains with {_percent(state)}" if state.settings.risk is not None else ""
+    remains = ""
+    if state.settings.risk is not None and state.hiding is not None:
+        remains = f"; a patch remains with {state.hiding.risk_text}"
     typer.echo(f"after {spent:.0f} s of visits: {len(state.lumps)} lumps, {certain} of them certain{remains}")
     for item in state.lumps:
         if item.beyond:
@@ -225,13 +227,6 @@ def _end(state: AreaSearch, why: str) -> None:
         typer.echo("  no lump was found")
 
 
-def _percent(state: AreaSearch) -> str:
-    """Return the probability that a patch remains, in words."""
-    assert state.hiding is not None
-    percent = 100 * state.hiding.risk
-    return f"{percent:.2g} %" if percent < 99.5 else "more than 99 %"
-
-
 def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> None:
     """Print what may remain and what is excluded, and draw the map of where."""
     from palpate_maps import map_files
@@ -247,7 +242,7 @@ def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> Non
     least_patch = f"of radius {1e3 * patch.radius:.3g} mm, {100 * patch.contrast:.3g} % stiffer than its surroundings"
     besides = "besides these" if state.lumps or state.patches else "in the area"
     typer.echo(
-        f"a patch {least_patch}, or more, remains {besides} with a probability of {_percent(state)}, if {EXPECTED:g} "
+        f"a patch {least_patch}, or more, remains {besides} with a probability of {hiding.risk_text}, if {EXPECTED:g} "
         f"such patches were expected beforehand; where: {folder / 'hidden.png'}"
     )
     if state.area.share < 1:
