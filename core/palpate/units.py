@@ -142,7 +142,7 @@ def _parse(text: str, unit: str) -> float:
     if not written and unit == "1":
         return number
     if not written:
-        raise ValueError(f"{text!r} has no unit; {form}, or a plain number for {unit}")
+        raise ValueError(f"{text!r} has no unit; {form}")
     if not is_one_unit(written):
         raise ValueError(f"{text!r}: {written!r} is not one unit; {form}")
     try:

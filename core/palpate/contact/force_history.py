@@ -13,7 +13,7 @@ from palpate.contact.interfaces import ContactModel, contact_force
 from palpate.contact.state_step import advance_states, fades_separately
 from palpate.vectors import Floats
 
-_MIN_STEPS = 4  # a choice: steps of the integration from one sample to the next
+_MIN_STEPS = 4  # a choice: steps of the integration from one sample to the next, for one in which the tip touches
 _MAX_STEPS = 64  # a choice: more are too slow, and the samples too far apart
 _STEP_TIMES_RATE = 0.25  # a choice: Runge-Kutta's local error is then some 1e-5 of a state's change in the step
 _BLOCK = 64  # a choice: intervals in one call
