@@ -25,7 +25,6 @@ from .contact import (
     Indenter as Indenter,
     MaterialValue as MaterialValue,
     Parameter as Parameter,
-    advance_states as advance_states,
     arctan as arctan,
     contact_force as contact_force,
     force_over_time as force_over_time,

@@ -17,9 +17,8 @@ ASSUMED_API = 1  # of a plugin that states none
 # Names of `palpate` that palpate's own arms, clocks, diagnoses and recorders share, and no part of others needs.
 NOT_PROMISED = frozenset((
     "CalibrationReader", "ControlReader", "Display", "EstimatesWriter", "ForceWatch", "LastDigit", "Layout",
-    "Recorder", "RepeatCount", "Repeats", "SampleStore", "SeparateReceiver", "Shareable", "SharedReadings",
-    "Summary", "SupportsSharing", "Tail", "Thread", "advance_states", "finite_rows", "rotation_rows",
-    "torque_fault", "turned_axes", "use_clock",
+    "Recorder", "RepeatCount", "Repeats", "SampleStore", "SeparateReceiver", "Shareable", "SharedReadings", "Summary",
+    "SupportsSharing", "Tail", "Thread", "finite_rows", "rotation_rows", "torque_fault", "turned_axes", "use_clock",
 ))  # fmt: skip
 WHOLE = ("palpate", "palpate_engine", "palpate_testing")  # of which every other public name is promised
 # Of other packages, by module: what readers of logs, drivers, commands and report sections need.

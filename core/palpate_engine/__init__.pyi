@@ -90,6 +90,7 @@ from .core_names import (
     Registry as Registry,
     SoundForce as SoundForce,
     StoppedError as StoppedError,
+    advance_states as advance_states,
     analysis as analysis,
     announce as announce,
     approved_files as approved_files,

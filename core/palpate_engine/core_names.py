@@ -4,7 +4,7 @@
 # mypy: implicit-reexport
 
 from palpate import registry
-from palpate.contact import force_slopes
+from palpate.contact import advance_states, force_slopes
 from palpate.device import ask_devices, is_live, own_motions
 from palpate.discovery import import_plugin_file, plugin_file_of
 from palpate.entries import Entry, FlagEntry

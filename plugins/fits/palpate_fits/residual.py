@@ -7,7 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Floats, advance_states, contact_force
+from palpate import ContactModel, Floats, contact_force
+from palpate_engine import advance_states
 from palpate_kit.kernel import Step
 
 from palpate_fits.columns.column_function import ColumnFunction
