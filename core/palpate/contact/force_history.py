@@ -169,7 +169,12 @@ def _interval_function(model: ContactModel, steps: int) -> Any:
 
     x = state
     for i in range(steps):
-        x = advance_states(lambda share, q, i=i: rate_of_change((i + share) / steps, q), length / steps, x)
+
+        def step_rate(share: float, states: Any, first: int = i) -> Any:
+            """Return the states' rate at a share of this step."""
+            return rate_of_change((first + share) / steps, states)
+
+        x = advance_states(step_rate, length / steps, x)
     return casadi.Function("interval", [state, interval, theta], [x], {"cse": True})
 
 

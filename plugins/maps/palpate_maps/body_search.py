@@ -142,7 +142,7 @@ def _candidates(fit: BodyFit) -> Iterator[list[Body]]:
 def _long_direction(fit: BodyFit, body: Body) -> Floats:
     """Return the direction (k,) in which the sites are longer than a body: of the residuals' largest second moment."""
     offset = (fit.field.middle - body.place) @ body.axes
-    # By a Gaussian of twice the body's variance, which a second body beside it is not outside of.
+    # By a Gaussian of twice the body's variance, within which a second body next to it is.
     weight = fit.residual * np.exp(-0.25 * (offset**2).sum(axis=1) / body.sigma**2)
     return np.asarray(body.axes @ np.linalg.eigh((weight[:, None] * offset).T @ offset)[1][:, -1])
 

@@ -35,7 +35,7 @@ class NominalHeight(Settings):
 
     @model_validator(mode="after")
     def _check_statement(self) -> Any:
-        """Raise ValueError for touches that make no plane, and for a file that is no map."""
+        """Raise ValueError for touches that make no plane, and for a file without a map."""
         if self.touches and self.file is not None:
             raise ValueError("give either touches or file")
         if self.touches and len(self.touches) != 3:

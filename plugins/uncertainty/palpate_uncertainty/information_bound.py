@@ -29,7 +29,7 @@ def bounds_at_best(tail: Tail, kept: SampleStore, model: ContactModel, noise: fl
     They are the roots of the diagonal of Cramer and Rao's bound noise^2 (J^T J)^-1, J the slopes of the force in
     parameters and depth along the kept samples, which stand for all of the track's samples. `tail` are the estimates at
     the end of the track, at the last of which J is taken. Infinite where no kept sample or no slope is a number, where
-    the force does not depend on a parameter, and for a model with memory, whose force is no function of depth and rate.
+    the force does not depend on a parameter, and for a model with memory, whose force depends on the past.
     """
     unbounded = np.full(len(model.parameters), np.inf)
     theta, used = tail.values[-1], kept.used  # the tail's last estimate

@@ -56,7 +56,7 @@ def _limited_spells(stop: Callable[[str], None]) -> Iterator[None]:
     """Have the kernel signal an urgent thread of this process that computes for 2 s without a pause.
 
     The signal takes the priority of all threads away and stops the run. Only Linux has such a limit, and only the main
-    thread can handle a signal; without a handler the signal would end the process, so that there is no limit then.
+    thread can handle a signal; without a handler the signal would end the process, and none is set.
     """
     is_in_main_thread = threading.current_thread() is threading.main_thread()
     rt_time = _real_time_limit()
