@@ -34,7 +34,7 @@ class LogPart:
 
     @property
     def name(self) -> str:
-        """Of the file, and of its part."""
+        """The name of the file, followed by that of its record where it holds several."""
         return self.path.name if self.part is None else f"{self.path.name}:{self.part}"
 
     @property
@@ -44,15 +44,15 @@ class LogPart:
 
     @property
     def choices(self) -> dict[str, str]:
-        """What makes a device read that record alone."""
+        """The choices by which a device reads that record alone."""
         return {} if self.part is None else {RECORD: self.part}
 
 
-def specimens_of(log: Path, known: Registry, choices: Mapping[str, str] = {}) -> list[LogPart]:
+def specimens_of(log: Path, registry: Registry, choices: Mapping[str, str] = {}) -> list[LogPart]:
     """Return the records of a log that holds several by themselves, else the log."""
     if RECORD not in choices:
-        with suppress(LogError):  # whoever reads it says so
-            reader = recording_of(log, known)
+        with suppress(LogError):  # a log that cannot be read is one record: its fit reports the error
+            reader = recording_of(log, registry)
             if names := reader.records(log, choices):
                 places = reader.places(log)
                 return [LogPart(log, name, places.get(name)) for name in names]
@@ -70,7 +70,10 @@ class AlikeLogs(Generic[Log]):
 def alike_logs(
     logs: Iterable[Log], suggest: Callable[[Log], Suggestion], refused: dict[str, str]
 ) -> list[AlikeLogs[Log]]:
-    """Groups of logs with equal devices and alignments, the largest first; `refused` takes the others and why."""
+    """Return groups of logs with equal devices and alignments, the largest group first.
+
+    A log that `suggest` cannot read is entered in `refused`, with its error.
+    """
     groups: dict[str, AlikeLogs[Log]] = {}
     for log in logs:
         try:
@@ -78,63 +81,80 @@ def alike_logs(
         except UserError as error:
             refused[str(log)] = str(error).removeprefix(f"{getattr(log, 'path', log)}: ")
             continue
+        # Logs are read alike if their suggestions differ in nothing but the file and its record.
         key = json.dumps([{**suggestion.device, "file": "", RECORD: ""}, suggestion.alignment], default=str)
         groups.setdefault(key, AlikeLogs(suggestion)).logs.append(log)
     return sorted(groups.values(), key=lambda group: -len(group.logs))
 
 
-def logs_among(sources: Sequence[Path], known: Registry) -> list[Path]:
-    """Return the files, and of folders all that hold records and palpate did not write; raises ConfigurationError."""
-    found: list[Path] = []
+def logs_among(sources: Sequence[Path], registry: Registry) -> list[Path]:
+    """Return the files among the sources, and those in the folders among them that hold records.
+
+    Without what palpate wrote itself: folders of fits, and lists of curves. Raises ConfigurationError for a source that
+    does not exist, and if no file is left.
+    """
+    logs: list[Path] = []
     for source in sources:
         if not source.exists():
             raise ConfigurationError(f"{source}: no such file or folder")
         if source.is_dir():
-            own = {settings.parent for settings in source.rglob(SETTINGS)}
-            paths = log_paths(source, lambda path: _holds_records(path, known))
-            found += [path for path in paths if not own & {*path.parents} and not is_list(path)]
+            fit_folders = {settings.parent for settings in source.rglob(SETTINGS)}
+            for path in log_paths(source, lambda path: _holds_records(path, registry)):
+                if not fit_folders & {*path.parents} and not is_list(path):
+                    logs.append(path)
         else:
-            found.append(source)
-    if not found:
+            logs.append(source)
+    if not logs:
         raise ConfigurationError(f"{', '.join(map(str, sources))}: holds no file that palpate can read")
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(logs))
 
 
 def log_paths(folder: Path, is_log: Callable[[Path], bool]) -> Iterator[Path]:
-    """Yield the logs in a folder by their names, those that are folders themselves as one; the folder, where it is
-    one."""
-    folders = {folder} if _is_folder_log(folder, is_log) else set[Path]()
-    yield from folders
-    for path in [] if folders else sorted(folder.rglob("*")):
-        if folders & {*path.parents}:
+    """Yield the logs in a folder in the order of their names, or the folder alone if it is a log itself.
+
+    A folder in it that is a log, such as a bag, counts as one, and its files do not.
+    """
+    if _is_folder_log(folder, is_log):
+        yield folder
+        return
+    folder_logs = set[Path]()
+    for path in sorted(folder.rglob("*")):
+        if folder_logs & {*path.parents}:
             continue
         if path.is_dir():
-            if not _is_folder_log(path, is_log):
-                continue
-            folders.add(path)
-            yield path
+            if _is_folder_log(path, is_log):
+                folder_logs.add(path)
+                yield path
         elif is_log(path):
             yield path
 
 
 def _is_folder_log(path: Path, is_log: Callable[[Path], bool]) -> bool:
-    """Return True if a folder is a log that is more than its one file."""
+    """Return True if a folder is a log, and not merely a folder with one log in it."""
     return is_log(path) and sum(map(is_log, path.iterdir())) != 1
 
 
-def _holds_records(path: Path, known: Registry) -> bool:
-    unread = path.is_file() and path.suffix.lower() in UNREAD
-    return unread or reader_of(path, known) is not None
+def _holds_records(path: Path, registry: Registry) -> bool:
+    """Return True for a log, and for a file whose ending says that it holds records which no device reads."""
+    is_unread = path.is_file() and path.suffix.lower() in UNREAD
+    return is_unread or reader_of(path, registry) is not None
 
 
-def differences(one: Suggestion, other: Suggestion) -> list[str]:
-    """Return the keys in which the readers of two logs differ."""
-    mine, theirs = (_flat({**s.device, "file": "", RECORD: "", "alignment": dict(s.alignment)}) for s in (one, other))
-    return [key for key in {**mine, **theirs} if mine.get(key) != theirs.get(key)]
+def differences(first: Suggestion, second: Suggestion) -> list[str]:
+    """Return the keys in which the readers of two logs differ, files and records left out."""
+    first_keys, second_keys = (
+        _dotted_keys({**suggestion.device, "file": "", RECORD: "", "alignment": dict(suggestion.alignment)})
+        for suggestion in (first, second)
+    )
+    return [key for key in {**first_keys, **second_keys} if first_keys.get(key) != second_keys.get(key)]
 
 
-def _flat(table: dict[str, object], head: str = "") -> dict[str, object]:
-    found: dict[str, object] = {}
+def _dotted_keys(table: dict[str, object], prefix: str = "") -> dict[str, object]:
+    """Return the values of nested tables by their keys, joined by dots."""
+    values: dict[str, object] = {}
     for key, value in table.items():
-        found |= _flat(value, f"{head}{key}.") if isinstance(value, dict) else {f"{head}{key}": value}
-    return found
+        if isinstance(value, dict):
+            values |= _dotted_keys(value, f"{prefix}{key}.")
+        else:
+            values[f"{prefix}{key}"] = value
+    return values

@@ -1,4 +1,4 @@
-"""Curves fitted one after the other in one process: what a run of each finds, as a row of a table."""
+"""Curves fitted one after the other in one process: the estimates of each become rows of a table."""
 
 from __future__ import annotations
 
@@ -28,29 +28,31 @@ from palpate_kit.terminal.motion_text import motion_numbers
 from palpate_kit.terminal.result_table import track_row
 
 Row = dict[str, str]
-_KINDS = 16  # of settings of single curves whose tracks are kept in a process
-_AT_LENGTH = {"profile": False, "bootstrap": 0}  # what no column of the table shows and no flag is raised from
+_CACHED_SETTINGS = 16  # different settings of curves whose compiled tracks a process keeps: a choice
+_KEY_DIGITS = 12  # of a SHA-256, which distinguish the settings of a folder: a choice
+# Settings of an estimator without computations that no column of the table shows and no flag is raised from.
+_BRIEF_SETTINGS = {"profile": False, "bootstrap": 0}
 
 
 @dataclass(frozen=True)
 class CurveReader:
-    """How curves are read and fitted, as plain data for any process."""
+    """A pipeline that reads and fits curves, as plain data for any process."""
 
     text: str  # of the pipeline file
     path: str
     overrides: tuple[str, ...]
-    device: str  # that has the file
+    device: str  # name of the device that reads the file
     approved: frozenset[str] = frozenset()  # SHA-256 of the plugin files that any process may execute
     settings: str = ""  # the text of the settings file in the folder of the table
 
-    def key(self, own: Sequence[str]) -> str:
-        """What a row's settings are called: those of the folder, and a curve's own."""
-        return settings_key(self.settings, own)
+    def key(self, assignments: Sequence[str]) -> str:
+        """Return the key of the settings of a curve: those of the folder, then its own assignments."""
+        return settings_key(self.settings, assignments)
 
 
-def settings_key(settings: str, own: Sequence[str]) -> str:
-    """Return a short name for the text of a settings file with a curve's own settings on top."""
-    return sha256("\n".join([settings, *own]).encode()).hexdigest()[:12]
+def settings_key(settings: str, assignments: Sequence[str]) -> str:
+    """Return a short key of the text of a settings file followed by a curve's own assignments."""
+    return sha256("\n".join([settings, *assignments]).encode()).hexdigest()[:_KEY_DIGITS]
 
 
 def offline(pipeline: Pipeline) -> Pipeline:
@@ -64,42 +66,49 @@ def offline(pipeline: Pipeline) -> Pipeline:
 
 
 def value_units(model: ContactModel) -> dict[str, str]:
-    """SI unit of each value that a model determines: of its parameters, then of what follows from them."""
+    """Return the SI unit of each value that a model determines: of its parameters, then of what follows from them."""
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     try:
+        # Any parameters will do: the names and units of what follows from them are always the same.
         derived = {material.name: material.unit for material in model.material([1.0] * len(units))}
-    except (ArithmeticError, ValueError):  # a model without a meaning at such numbers
+    except (ArithmeticError, ValueError):  # a model that is not defined at these parameters
         derived = {}
     return derived | units
 
 
-@lru_cache(_KINDS)
-def record_tracks(reader: CurveReader, own: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
-    """Return the offline tracks in this process; what they have compiled is kept from curve to curve.
+@lru_cache(_CACHED_SETTINGS)
+def record_tracks(reader: CurveReader, assignments: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
+    """Return the offline tracks of a curve with its own assignments; compiled code is kept from curve to curve.
 
-    Unless `at_length`, without what no column of the table shows. Raises ConfigurationError.
+    Unless `at_length`, the tracks compute nothing that no column of the table shows. Raises ConfigurationError, which
+    names the files that may state an assignment.
     """
     source = Source(reader.text, Path(reader.path))
     name_tips(source)
     for assignment in reader.overrides:
         source.override(assignment)
     try:
-        for assignment in own:
+        for assignment in assignments:
             source.override(assignment)
         with inherited_approval(reader.approved):
             pipeline = offline(build_pipeline(source))
     except ConfigurationError as error:
-        if own:
-            files = "own.toml, curves.csv or rig.toml" if any(text.startswith("rig.") for text in own) else "own.toml"
-            raise ConfigurationError(f"{files}, {', '.join(own)}: {error}") from error
-        raise
-    return RecordTracks(pipeline if at_length else replace(pipeline, tracks=tuple(map(_for_a_row, pipeline.tracks))))
+        if not assignments:
+            raise
+        has_facts = any(text.startswith("rig.") for text in assignments)
+        files = "own.toml, curves.csv or rig.toml" if has_facts else "own.toml"
+        raise ConfigurationError(f"{files}, {', '.join(assignments)}: {error}") from error
+    if not at_length:
+        pipeline = replace(pipeline, tracks=tuple(map(_brief_track, pipeline.tracks)))
+    return RecordTracks(pipeline)
 
 
-def _for_a_row(track: Track) -> Track:
-    """Return the track without what no column of the table shows and no flag is raised from."""
-    brief = {key: value for key, value in _AT_LENGTH.items() if key in type(track.estimator).model_fields}
-    return replace(track, estimator=track.estimator.model_copy(update=brief)) if brief else track
+def _brief_track(track: Track) -> Track:
+    """Return the track without computations that no column of the table shows and no flag is raised from."""
+    settings = {key: value for key, value in _BRIEF_SETTINGS.items() if key in type(track.estimator).model_fields}
+    if not settings:
+        return track
+    return replace(track, estimator=track.estimator.model_copy(update=settings))
 
 
 def fit_curves(reader: CurveReader, curves: Sequence[Curve]) -> list[list[Row]]:
@@ -107,16 +116,16 @@ def fit_curves(reader: CurveReader, curves: Sequence[Curve]) -> list[list[Row]]:
     rows_of_curves = []
     for curve in curves:
         stated = {"settings": reader.key(curve.own)}
-        if curve.place is not None:  # goes before a place that was measured, and is known of a curve that fails
+        if curve.place is not None:  # overrides a measured place, and is known of a curve whose fit fails
             stated |= {axis: repr(number) for axis, number in zip("xy", curve.place, strict=True)}
-        rows_of_curves.append([{**row, **stated} for row in _rows(reader, curve)])
+        rows_of_curves.append([{**row, **stated} for row in _rows_of_curve(reader, curve)])
     return rows_of_curves
 
 
-def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
+def _rows_of_curve(reader: CurveReader, curve: Curve) -> Iterator[Row]:
     try:
         outcome = curve_outcome(record_tracks(reader, curve.own), reader.device, curve)
-    except Exception as error:  # one curve that breaks a part does not keep the others from their fit
+    except Exception as error:  # a part that fails on one curve must not stop the fits of the others
         yield from error_rows(reader, curve, error)
         return
     yield from outcome_rows(outcome, curve.name)
@@ -125,30 +134,29 @@ def _rows(reader: CurveReader, curve: Curve) -> Iterator[Row]:
 def error_rows(reader: CurveReader, curve: Curve, error: Exception) -> Iterator[Row]:
     """Yield the rows of a curve that could not be fitted."""
     message = str(error) if isinstance(error, PalpateError) else f"{type(error).__name__}: {error}"
-    if curve.file:  # the folder can be moved with its curves
+    if curve.file:  # a path would be wrong once the folder is moved with its curves
         message = message.removeprefix(f"{curve.file}: ").replace(curve.file, curve.name)
     try:
-        tracks = record_tracks(reader).pipeline.tracks
-    except PalpateError:
-        tracks = ()
-    yield from (
-        {"curve": curve.name, "track": name, "error": message} for name in [str(t.name) for t in tracks] or [""]
-    )
+        names = [str(track.name) for track in record_tracks(reader).pipeline.tracks]
+    except PalpateError:  # the pipeline cannot be built: one row, without a track
+        names = []
+    for name in names or [""]:
+        yield {"curve": curve.name, "track": name, "error": message}
 
 
-def loss_rows(reader: CurveReader, curve: Curve, why: str) -> list[Row]:
+def loss_rows(reader: CurveReader, curve: Curve, reason: str) -> list[Row]:
     """Return the row of a curve whose process has ended before it was fitted; it names no track."""
-    return [{"curve": curve.name, "settings": reader.key(curve.own), "error": why}]
+    return [{"curve": curve.name, "settings": reader.key(curve.own), "error": reason}]
 
 
 def outcome_rows(outcome: RecordOutcome, curve: str) -> Iterator[Row]:
     """Yield the row of each track."""
     for track in outcome.pipeline.tracks:
-        yield {"curve": curve, "track": str(track.name)} | _numbers(outcome, str(track.name))
+        yield {"curve": curve, "track": str(track.name)} | _track_cells(outcome, str(track.name))
 
 
 def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutcome:
-    """What is found of one curve; raises PalpateError."""
+    """Estimate the tracks of one curve, from its file or its readings; raises PalpateError."""
     devices: Mapping[str, Device] = tracks.pipeline.devices
     if curve.file:
         devices = {**devices, device: curve.read_by(devices[device])}
@@ -156,32 +164,46 @@ def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutc
     return tracks.estimate(devices, batches, curve.name, detail=False)
 
 
-def _numbers(outcome: RecordOutcome, name: str) -> Row:
-    """Return the cells of a track: numbers where they may be used, its verdict, and every flag that concerns it."""
-    found = outcome.result.tracks[name]
-    table: dict[str, float] = {}
-    if found.usable:
-        table = dict(_values(found)) | dict(zip(("x", "y"), _place(outcome, name), strict=True))
-    told = {key: repr(float(value)) for key, value in table.items() if np.isfinite(value)}
-    told |= {f"{name}_verdict": value.verdict or "" for name, value in named_values(found).items()}
-    said = (f"{one.fact}: {one.sentence(named_values(found)).replace('; ', ', ')}" for one in found.conditions)
-    misfit = found.diagnoses.get("model-discrepancy", {})
-    predicted = misfit.get("prediction", {}).get("error")
-    told |= {} if predicted is None else {"prediction": repr(float(predicted))}
-    told |= {key: repr(number) for key, number in motion_numbers(found.diagnoses.get("motion", {})).items()}
-    told |= {"better_laws": " ".join(misfit.get("better_laws", ()))}
-    told |= {"conditions": "; ".join(said), "needs": " ".join(_needed(found))}
-    findings = track_row(found, name, of_record=outcome.result.flags).findings
-    told |= {"findings": " | ".join(finding.cell for finding in findings)}
-    flags: tuple[Flag, ...] = (*outcome.result.flags, *found.flags)
-    failed = next((flag.message for flag in found.flags if flag.code == "failed"), "")
-    codes = " ".join(sorted({flag.code for flag in flags}))
-    return told | {"verdict": found.verdict, "samples": str(found.samples), "flags": codes, "error": failed}
+def _track_cells(outcome: RecordOutcome, name: str) -> Row:
+    """Return the cells of a track: numbers if it is usable, its verdicts, and every flag that concerns it."""
+    track = outcome.result.tracks[name]
+    flags: tuple[Flag, ...] = (*outcome.result.flags, *track.flags)
+    numbers: dict[str, float] = {}
+    if track.usable:
+        numbers = dict(_value_numbers(track)) | dict(zip(("x", "y"), _mean_place(outcome, name), strict=True))
+    # Numbers in full, then what a reader needs to judge them.
+    cells = {key: repr(float(number)) for key, number in numbers.items() if np.isfinite(number)}
+    cells |= {f"{key}_verdict": value.verdict or "" for key, value in named_values(track).items()}
+    cells |= _diagnosis_cells(track)
+    cells |= {"conditions": "; ".join(_condition_entries(track)), "needs": " ".join(_needed_facts(track))}
+    findings = track_row(track, name, of_record=outcome.result.flags).findings
+    cells |= {"findings": " | ".join(finding.cell for finding in findings)}
+    cells |= {"verdict": track.verdict, "samples": str(track.samples)}
+    cells |= {"flags": " ".join(sorted({flag.code for flag in flags}))}
+    cells |= {"error": next((flag.message for flag in track.flags if flag.code == "failed"), "")}
+    return cells
 
 
-def named_values(found: TrackResult) -> dict[str, UncertainValue]:
+def _diagnosis_cells(track: TrackResult) -> Row:
+    """Return the cells of the error of the prediction, of the motion, and of the laws that fit better."""
+    discrepancy = track.diagnoses.get("model-discrepancy", {})
+    prediction_error = discrepancy.get("prediction", {}).get("error")
+    cells = {} if prediction_error is None else {"prediction": repr(float(prediction_error))}
+    cells |= {key: repr(number) for key, number in motion_numbers(track.diagnoses.get("motion", {})).items()}
+    cells |= {"better_laws": " ".join(discrepancy.get("better_laws", ()))}
+    return cells
+
+
+def _condition_entries(track: TrackResult) -> Iterator[str]:
+    """Yield each open fact with its sentence, which has no semicolon: that separates the entries of the cell."""
+    values = named_values(track)
+    for condition in track.conditions:
+        yield f"{condition.fact}: {condition.sentence(values).replace('; ', ', ')}"
+
+
+def named_values(track: TrackResult) -> dict[str, UncertainValue]:
     """Return the values by name, those that follow from the parameters first."""
-    return {**{value.name: value.found for value in found.derived}, **found.parameters}
+    return {**{value.name: value.found for value in track.derived}, **track.parameters}
 
 
 def row_conditions(row: Mapping[str, str]) -> dict[str, str]:
@@ -190,25 +212,26 @@ def row_conditions(row: Mapping[str, str]) -> dict[str, str]:
     return {fact: sentence for fact, _, sentence in entries}
 
 
-def _needed(found: TrackResult) -> list[str]:
+def _needed_facts(track: TrackResult) -> list[str]:
     """Return the facts that values of a track need, each once."""
-    words = [value.verdict or "" for value in named_values(found).values()]
-    return list(dict.fromkeys(word.removeprefix("needs ") for word in words if word.startswith("needs ")))
+    verdicts = [value.verdict or "" for value in named_values(track).values()]
+    return list(dict.fromkeys(text.removeprefix("needs ") for text in verdicts if text.startswith("needs ")))
 
 
-def _values(found: TrackResult) -> Iterator[tuple[str, float]]:
-    for name, value in {**named_values(found), "surface": found.surface}.items():
+def _value_numbers(track: TrackResult) -> Iterator[tuple[str, float]]:
+    """Yield column and number [SI] of each value that is not invalid, of its uncertainties, and of the rms [N]."""
+    for name, value in {**named_values(track), "surface": track.surface}.items():
         if value.verdict == "invalid":
             continue
         yield name, value.value
         yield f"{name}_std", value.std
         yield f"{name}_combined", value.combined
-    yield "rms", found.report.rms if found.report is not None else found.force_rms
+    yield "rms", track.report.rms if track.report is not None else track.force_rms
 
 
-def _place(outcome: RecordOutcome, name: str) -> Floats:
-    """Mean place (2,) [m] of what was fitted; NaN where it is not known."""
-    used = np.concatenate([np.isfinite(block.values).all(axis=1) for block in outcome.estimates[name]])
-    place = outcome.samples.lateral[used]
-    known = place[np.isfinite(place).all(axis=1)]
-    return np.asarray(known.mean(axis=0)) if len(known) else np.full(2, np.nan)
+def _mean_place(outcome: RecordOutcome, name: str) -> Floats:
+    """Return the mean place (2,) [m] of the samples with an estimate; NaN if no place is known."""
+    is_estimated = np.concatenate([np.isfinite(block.values).all(axis=1) for block in outcome.estimates[name]])
+    places = outcome.samples.lateral[is_estimated]
+    places = places[np.isfinite(places).all(axis=1)]
+    return np.asarray(places.mean(axis=0)) if len(places) else np.full(2, np.nan)

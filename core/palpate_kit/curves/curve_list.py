@@ -1,4 +1,4 @@
-"""``curves.csv``: the curves of a folder, their files, and whatever else is known of each: sample, site, day, ..."""
+"""``curves.csv``: the curves of a folder with their files, facts and groups: sample, site, day, ..."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from palpate_engine import DIALECT, write_whole
 from palpate_kit.curves.curve import Curve
 
 LIST = "curves.csv"
-CURVE, FILE, RECORD = "curve", "file", "record"  # the last of a file of several
-_LINE = 1 << 16  # [characters] of the head
+CURVE, FILE, RECORD = "curve", "file", "record"  # the last for a file of several records
+_MAX_HEAD = 1 << 16  # [characters] that are read of the line of column names: a choice
 PLACES = ("x_m", "y_m")
 OWN = (CURVE, FILE, RECORD, DIALECT)  # columns that palpate writes
 FACTS = {  # columns, and the facts that they state
@@ -30,8 +30,8 @@ Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
     """Return the cells of every curve by column; none without the file.
 
-    Raises LogError for a table without a column `curve`, a curve that is there twice, or one that is not among those
-    `known`.
+    Raises LogError for a table without a column `curve`, a row with more cells than columns, a curve that is listed
+    twice, or one without a file that is not among the `known`.
     """
     if not path.is_file():
         return {}
@@ -43,7 +43,9 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
             continue
         if len(row) > len(head):
             raise LogError(f"{path}:{number}: has {len(row)} cells for {len(head)} columns")
-        cells = dict(zip(head, (cell.strip() for cell in (*row, *[""] * (len(head) - len(row)))), strict=True))
+        # Spreadsheets drop empty cells at the end of a row.
+        padded_row = (*row, *[""] * (len(head) - len(row)))
+        cells = {column: cell.strip() for column, cell in zip(head, padded_row, strict=True)}
         name = cells.pop(CURVE)
         if name in entries:
             raise LogError(f"{path}:{number}: the curve {name!r} is there twice")
@@ -54,7 +56,7 @@ def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
 
 
 def _csv_rows(path: Path) -> list[list[str]]:
-    """Return the cells of a text table; raises LogError where it cannot be read."""
+    """Return the cells of a text table; raises LogError for one that cannot be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             return list(csv.reader(file))
@@ -63,7 +65,7 @@ def _csv_rows(path: Path) -> list[list[str]]:
 
 
 def _list_head(path: Path, row: Sequence[str]) -> list[str]:
-    """Return the columns of a list of curves; raises LogError without a column `curve`, or for one that is twice."""
+    """Return the columns of a list of curves; raises LogError without a column `curve`, or for two of one name."""
     head = [name.strip() for name in row]
     if CURVE not in head:
         raise LogError(f"{path}: has no column {CURVE!r}{suggest(CURVE, head)}")
@@ -74,9 +76,9 @@ def _list_head(path: Path, row: Sequence[str]) -> list[str]:
 
 def write_list(path: Path, entries: Mapping[str, Mapping[str, str]]) -> None:
     """Write the cells of every curve; raises OutputError."""
-    there = {column for cells in entries.values() for column in cells}
-    own = [name for name in OWN if name != RECORD or name in there]
-    columns = dict.fromkeys((*own, *(column for cells in entries.values() for column in cells)))
+    stated_columns = [column for cells in entries.values() for column in cells]
+    file_columns = [name for name in OWN if name != RECORD or name in stated_columns]
+    columns = dict.fromkeys((*file_columns, *stated_columns))
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
@@ -91,28 +93,27 @@ def add_curves(
     more: Mapping[str, Mapping[str, str]] = {},
     base: Path | None = None,
 ) -> None:
-    """List curves that are known by their files, with `more` of some; what else is known of them is kept.
+    """Enter the curves that have a file in the list of a folder, with `more` cells of some; other cells are kept.
 
-    Files are as seen from the folder, or from a `base`. Raises LogError, OutputError.
+    Files are relative to the folder, or to a `base`, so that both can be moved together. Raises LogError, OutputError.
     """
     entries = read_list(folder / LIST)
     before = {name: dict(cells) for name, cells in entries.items()}
     for curve in curves:
-        if curve.file:
-            cells = entries.setdefault(curve.name, {})
-            file = os.path.relpath(
-                Path(curve.file).resolve(), (base or folder).resolve()
-            )  # so that both can be moved together
-            record = {} if curve.record is None else {RECORD: curve.record}
-            cells |= {FILE: file, **record, DIALECT: dialect, **more.get(curve.name, {})}
+        if not curve.file:
+            continue
+        file = os.path.relpath(Path(curve.file).resolve(), (base or folder).resolve())
+        record = {} if curve.record is None else {RECORD: curve.record}
+        cells = entries.setdefault(curve.name, {})
+        cells |= {FILE: file, **record, DIALECT: dialect, **more.get(curve.name, {})}
     if entries != before:
         write_list(folder / LIST, entries)
 
 
 def stated_in(cells: Mapping[str, str]) -> dict[str, str]:
     """Return the facts that the cells of a curve state, by their keys; a position of the tip has no beam behind it."""
-    found = {key: cells[name] for name, key in FACTS.items() if cells.get(name)}
-    return {"beam": "none", **found} if found.get("position") == "tip" else found
+    facts = {key: cells[name] for name, key in FACTS.items() if cells.get(name)}
+    return {"beam": "none", **facts} if facts.get("position") == "tip" else facts
 
 
 def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
@@ -121,40 +122,41 @@ def fact_assignments(cells: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def cells_beside(sources: Sequence[Path], curves: Iterable[Curve]) -> Entries:
-    """What ``curves.csv`` next to the files of curves says of them, called by their files as seen from its folder.
+    """Return the cells of curves in ``curves.csv`` next to their files, or in a folder above them among the sources.
 
-    Raises LogError.
+    A list names a curve by its file relative to the folder of the list, followed by its record if it has rows for
+    single records, or by the file's name without its ending. Raises LogError.
     """
-    places = dict.fromkeys(source if source.is_dir() else source.parent for source in sources)
-    lists = {place.resolve(): read_list(place / LIST) for place in places if is_list(place / LIST)}
-    found: Entries = {}
+    folders = dict.fromkeys(source if source.is_dir() else source.parent for source in sources)
+    lists = {folder.resolve(): read_list(folder / LIST) for folder in folders if is_list(folder / LIST)}
+    entries: Entries = {}
     for curve in curves:
-        for place, stated in lists.items():
-            file = Path(curve.file)
-            name = file.relative_to(place) if file.is_relative_to(place) else file
-            cells = stated.get(f"{name}:{curve.record}") or stated.get(str(name)) or stated.get(name.stem) or {}
-            found.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
-    return found
+        file = Path(curve.file)
+        for folder, listed in lists.items():
+            name = file.relative_to(folder) if file.is_relative_to(folder) else file
+            cells = listed.get(f"{name}:{curve.record}") or listed.get(str(name)) or listed.get(name.stem) or {}
+            entries.setdefault(curve.name, {}).update((key, cell) for key, cell in cells.items() if key not in OWN)
+    return entries
 
 
 def fact_counts(facts: Iterable[Collection[str]], curves: int) -> str:
     """Return a line on the `facts` of each curve that ``curves.csv`` states, of so many; empty if it states none."""
-    counts = Counter(key for of_curve in facts for key in FACTS.values() if key in of_curve)
+    counts = Counter(key for facts_of_curve in facts for key in FACTS.values() if key in facts_of_curve)
     # In the order of the facts, whichever curve comes first.
-    words = ", ".join(f"{key} of {counts[key]}" for key in dict.fromkeys(FACTS.values()) if counts[key])
-    return f"curves.csv states {words} of {curves} curves" if words else ""
+    list_of_counts = ", ".join(f"{key} of {counts[key]}" for key in dict.fromkeys(FACTS.values()) if counts[key])
+    return f"curves.csv states {list_of_counts} of {curves} curves" if list_of_counts else ""
 
 
 def is_list(path: Path) -> bool:
-    """Return True if a file says of other files what they are, and is not a curve."""
+    """Return True if a file is a list of curves: it is called ``curves.csv`` and has a column `curve`."""
     if path.name != LIST or not path.is_file():
         return False
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        return CURVE in [cell.strip() for cell in file.readline(_LINE).split(",")]
+        return CURVE in [cell.strip() for cell in file.readline(_MAX_HEAD).split(",")]
 
 
 def add_groups(folder: Path, table: Path, known: Collection[str]) -> None:
-    """Take the columns of another table over for its curves; raises LogError where it has an unknown curve."""
+    """Copy the columns of another table into the list of a folder; raises LogError for an unknown curve."""
     if not table.is_file():
         raise LogError(f"{table}: no such file")
     entries, more = read_list(folder / LIST), read_list(table)

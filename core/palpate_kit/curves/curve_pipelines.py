@@ -17,24 +17,41 @@ from palpate_kit.curves.folder_settings import SETTINGS
 
 
 def curve_reader(folder: FitFolder, dialect: str = "") -> CurveReader:
-    """Return how the curves of a dialect are read and fitted; raises LogError where no device has a file."""
+    """Return how the curves of a dialect are read and fitted; raises LogError unless one device has a file.
+
+    If that file is gone, the reader overrides it by the first file of a curve of the dialect that exists.
+    """
     path, text = folder.path / SETTINGS, folder.settings_text(dialect)
-    tables = toml_tables(text).get("device")
-    named = tables.items() if isinstance(tables, dict) else ()
-    devices = {key: table["file"] for key, table in named if isinstance(table, dict) and "file" in table}
-    if len(devices) != 1:
-        raise LogError(f"{path}: has {len(devices)} devices with a file; one is needed")
-    ((device, file),) = devices.items()
+    device, file = _file_device(path, text)
     overrides: tuple[str, ...] = ()
-    if not (folder.path / str(file)).exists():  # of a curve that has gone since
-        alike = (curve.file for curve in folder.curves() if folder.dialect_of(curve.name) == dialect)
-        files = [file for file in alike if Path(file).exists()]
+    if not (folder.path / file).exists():
+        curves = (curve for curve in folder.curves() if folder.dialect_of(curve.name) == dialect)
+        files = [curve.file for curve in curves if Path(curve.file).exists()]
         overrides = tuple(f"device.{device}.file={json.dumps(file)}" for file in files[:1])
-    return CurveReader(text, str(path.resolve()), overrides, device, folder.approved, text)
+    return CurveReader(
+        text=text,
+        path=str(path.resolve()),
+        overrides=overrides,
+        device=device,
+        approved=folder.approved,
+        settings=text,
+    )
+
+
+def _file_device(path: Path, text: str) -> tuple[str, str]:
+    """Return the name and the file of the one device with a file in the text of a pipeline; raises LogError."""
+    tables = toml_tables(text).get("device")
+    devices = tables if isinstance(tables, dict) else {}
+    files = [
+        (name, str(table["file"])) for name, table in devices.items() if isinstance(table, dict) and "file" in table
+    ]
+    if len(files) != 1:
+        raise LogError(f"{path}: has {len(files)} devices with a file; one is needed")
+    return files[0]
 
 
 def dialect_source(folder: FitFolder, dialect: str = "", more: Iterable[str] = (), text: str = "") -> Source:
-    """Return the pipeline of a dialect, or a `text` in its place, with the file of a curve and `more` settings.
+    """Return the pipeline of a dialect, or a `text` in its place, with a file that exists and `more` settings.
 
     Raises LogError, ConfigurationError.
     """
@@ -46,7 +63,7 @@ def dialect_source(folder: FitFolder, dialect: str = "", more: Iterable[str] = (
 
 
 def dialect_pipeline(folder: FitFolder, dialect: str = "", more: Iterable[str] = ()) -> Pipeline:
-    """Return the pipeline of a dialect with the file of a curve that is there, and more settings; raises UserError."""
+    """Return the pipeline of a dialect, with a file that exists and `more` settings; raises UserError."""
     source = dialect_source(folder, dialect, more)
     with inherited_approval(folder.approved):
         return build_pipeline(source)
@@ -55,28 +72,28 @@ def dialect_pipeline(folder: FitFolder, dialect: str = "", more: Iterable[str] =
 def curve_source(folder: FitFolder, curve: str) -> Source:
     """Return the pipeline of one curve, with its file, record and settings; raises LogError."""
     source = Source(folder.settings_text(folder.dialect_of(curve)), folder.path / SETTINGS)
-    for assignment in (*_reading(folder, curve), *folder.settings_of(curve)):
+    for assignment in (*_file_assignments(folder, curve), *folder.settings_of(curve)):
         source.override(assignment)
     return source
 
 
 def curve_assignments(folder: FitFolder, curve: str) -> tuple[str, ...]:
-    """Return what makes ``pipeline.toml`` that of one curve, as of ``--set``: its dialect, file and settings."""
+    """Return dialect, file and settings of a curve as ``--set`` of ``pipeline.toml``."""
     dialect = folder.dialect_of(curve)
-    chosen = [f"run.{DIALECT}={json.dumps(dialect)}"] if dialect else []
-    return (*chosen, *_reading(folder, curve), *folder.settings_of(curve))
+    dialect_assignment = [f"run.{DIALECT}={json.dumps(dialect)}"] if dialect else []
+    return (*dialect_assignment, *_file_assignments(folder, curve), *folder.settings_of(curve))
 
 
 def pipeline_counts(folder: FitFolder, names: Iterable[str]) -> list[tuple[Pipeline, int]]:
-    """Return the different pipelines of curves, each with their number, that of most of them first.
+    """Return the different pipelines of curves with the number of curves of each, the most frequent first.
 
     Raises UserError.
     """
     counts = Counter((folder.dialect_of(name), folder.settings_of(name)) for name in names)
-    return [(dialect_pipeline(folder, *kind), count) for kind, count in counts.most_common()]
+    return [(dialect_pipeline(folder, dialect, more), count) for (dialect, more), count in counts.most_common()]
 
 
-def _reading(folder: FitFolder, curve: str) -> Sequence[str]:
+def _file_assignments(folder: FitFolder, curve: str) -> Sequence[str]:
     """Return the file and the record of a curve as ``--set``."""
     device = curve_reader(folder, folder.dialect_of(curve)).device
     values = {"file": folder.file_of(curve), RECORD: folder.curve(curve).record}

@@ -1,4 +1,4 @@
-"""One track's fit of one curve, as a folder of fits holds it."""
+"""A row of a folder of fits: one track's fit of one curve, with its groups and its mark."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from palpate_kit.curves.curve_list import PLACES
 
 @dataclass(frozen=True)
 class CurveRow:
-    """One track's fit of one curve, with what else is known of the curve."""
+    """One track's fit of one curve, with the groups and the mark of the curve."""
 
     curve: str
     track: str
     cells: Mapping[str, str]  # of ``fits.csv``
     groups: Mapping[str, str]  # of ``curves.csv``
-    rejected: str | None = None  # why; None where it was not
+    rejected: str | None = None  # the reason; None for a curve that is not rejected
     accepted: bool = False
-    current: bool = True  # made with the present settings
+    current: bool = True  # fitted with the present settings
 
     def number(self, name: str) -> float | None:
         """Return a number of the row [SI]; None if it has none."""
@@ -33,17 +33,20 @@ class CurveRow:
         return value if math.isfinite(value) else None
 
     def usable_number(self, name: str) -> float | None:
-        """Return a value of the row [SI] that may enter statistics; None if it has none, or one that needs a fact."""
+        """Return a value of the row [SI] that may enter statistics; None without one, and for one that needs a fact."""
         return None if needs_fact(self.verdict_of(name)) else self.number(name)
 
     def systematic(self, name: str) -> float | None:
-        """Uncertainty of a value [SI] that curves of one rig share, in addition to its own fit's; None if unknown."""
+        """Return the uncertainty of a value [SI] that all curves of a rig share; None if unknown.
+
+        It is what the combined uncertainty has in addition to that of the fit: sqrt(combined^2 - std^2).
+        """
         std, combined = self.number(f"{name}_std"), self.number(f"{name}_combined")
         return None if std is None or combined is None else math.sqrt(max(combined**2 - std**2, 0.0))
 
     @property
     def verdict(self) -> str:
-        """The verdict; invalid where it could not be fitted, "" where it is yet to be."""
+        """The verdict; invalid for a curve whose fit failed, "" for one without a fit."""
         return self.cells.get("verdict") or ("invalid" if self.error else "")
 
     @property
@@ -53,7 +56,7 @@ class CurveRow:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """The open facts that its values hold for."""
+        """The open facts on whose assumption its values depend."""
         return tuple(row_conditions(self.cells))
 
     def verdict_of(self, name: str) -> str:
@@ -62,7 +65,7 @@ class CurveRow:
 
     @property
     def error(self) -> str:
-        """Why it could not be fitted."""
+        """The reason for which the fit failed; "" for one that did not."""
         return self.cells.get("error") or ""
 
     @property
@@ -77,7 +80,7 @@ class CurveRow:
 
     @property
     def state(self) -> str:
-        """current, stale where the settings have changed since, or missing."""
+        """current, stale after a change of the settings, or missing."""
         return "missing" if not self.cells else "current" if self.current else "stale"
 
     @property
@@ -90,7 +93,7 @@ class CurveRow:
 
 
 def stated_place(cells: Mapping[str, str]) -> tuple[float, float] | None:
-    """Return x and y [m] that the cells of a curve in ``curves.csv`` state; None where one is not a number."""
+    """Return x and y [m] that the cells of a curve in ``curves.csv`` state; None unless both are finite numbers."""
     try:
         x, y = (float(cells.get(name) or "nan") for name in PLACES)
     except ValueError:

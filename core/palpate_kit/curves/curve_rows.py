@@ -22,7 +22,7 @@ from palpate_kit.jobs.process_pool import core_count
 from palpate_kit.terminal.progress import progress, report_progress
 
 Pool = Callable[[CurveReader, Iterable[Curve]], Iterator[list[Row]]]  # the rows of every curve, in any order
-FEW = 32  # curves that are not worth a second process
+FEW = 32  # curves, below which a second process takes longer to start than it saves: a choice
 
 
 @dataclass
@@ -35,7 +35,7 @@ class CurveGroup:
 
 
 def list_curves(path: Path, groups: Iterable[CurveGroup], cells: Mapping[str, Mapping[str, str]]) -> FitFolder:
-    """Begin a folder of fits, or go on with one: the pipeline of each group, and its curves with `cells` of some.
+    """Begin a folder of fits, or continue one, with the pipeline of each group and its curves; `cells` are of some.
 
     Raises LogError, OutputError.
     """
@@ -47,7 +47,7 @@ def list_curves(path: Path, groups: Iterable[CurveGroup], cells: Mapping[str, Ma
 
 
 def dialect_name(number: int) -> str:
-    """Return the name of a dialect, from 1: a word, since a program for tables would round a number."""
+    """Return the name of a dialect by its number from 1: "", "d2", "d3"; a spreadsheet would reformat bare numbers."""
     return "" if number == 1 else f"d{number}"
 
 
@@ -64,15 +64,15 @@ def fit_rows(
     pool: Pool | None = None,
     order: Sequence[str] | None = None,
 ) -> int:
-    """Fit those of some curves that have no row by their present settings; return their number.
+    """Fit the named curves that have no row by their present settings; return their number.
 
-    The `pool` fits them, else so many `workers`; by default a few curves have one, and many one per core. Rows are left
-    in an `order` of names, by default that of the folder. Raises UserError.
+    The `pool` fits them, else a number of `workers`: by default one for fewer than FEW curves, and one per core for
+    more. The rows of the table are then in the `order` of names, by default that of the folder. Raises UserError.
     """
     stale: list[tuple[FitTable, CurveReader, list[Curve]]] = []
-    for dialect, curves in _chosen(folder, names):
+    for dialect, curves in _curves_by_dialect(folder, names):
         table, reader = table_of(folder, dialect), curve_reader(folder, dialect)
-        stale.append((table, reader, list(table.left(curves, reader))))
+        stale.append((table, reader, list(table.unfitted_curves(curves, reader))))
     count = 0
     with progress("fit", "curves", sum(len(curves) for _, _, curves in stale)):
         for table, reader, curves in stale:
@@ -83,11 +83,11 @@ def fit_rows(
 
 
 def demand_settings(folder: FitFolder, names: Collection[str]) -> None:
-    """Raise ConfigurationError for settings of some curves by which nothing can be fitted."""
-    for dialect, curves in _chosen(folder, names):
+    """Raise ConfigurationError if the pipeline of one of the named curves cannot be built."""
+    for dialect, curves in _curves_by_dialect(folder, names):
         reader = curve_reader(folder, dialect)
-        for own in dict.fromkeys(curve.own for curve in curves):
-            record_tracks(reader, own)
+        for assignments in dict.fromkeys(curve.own for curve in curves):
+            record_tracks(reader, assignments)
 
 
 def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iterable[Curve], pool: Pool) -> None:
@@ -97,25 +97,28 @@ def fit_stream(path: Path, pipeline: Pipeline, reader: CurveReader, curves: Iter
     """
     table = FitTable(path, pipeline, reader.device)
     reader = replace(reader, settings=table.settings)
-    own = read_own(path)
-    stated = (replace(curve, own=own.get(curve.name, ())) for curve in curves)
+    assignments = read_own(path)
+    stated = (replace(curve, own=assignments.get(curve.name, ())) for curve in curves)
     with progress("fit", "curves"):
-        _add_rows(table, reader, table.left(stated, reader), pool, len(table.done))
+        _add_rows(table, reader, table.unfitted_curves(stated, reader), pool, len(table.done))
     table.compact()
 
 
-def _chosen(folder: FitFolder, names: Collection[str]) -> list[tuple[str, list[Curve]]]:
-    """Return some curves whose files are known, by their dialects; none of a dialect without any."""
-    chosen = {*names}
-    found: dict[str, list[Curve]] = {dialect: [] for dialect in folder.dialects}
+def _curves_by_dialect(folder: FitFolder, names: Collection[str]) -> list[tuple[str, list[Curve]]]:
+    """Return the named curves whose files are known, by dialect; without the dialects of none of them."""
+    chosen_names = {*names}
+    by_dialect: dict[str, list[Curve]] = {dialect: [] for dialect in folder.dialects}
     for curve in folder.curves():
-        if curve.name in chosen:
-            found[folder.dialect_of(curve.name)].append(curve)
-    return [(dialect, curves) for dialect, curves in found.items() if curves]
+        if curve.name in chosen_names:
+            by_dialect[folder.dialect_of(curve.name)].append(curve)
+    return [(dialect, curves) for dialect, curves in by_dialect.items() if curves]
 
 
 def _add_rows(table: FitTable, reader: CurveReader, curves: Iterable[Curve], pool: Pool, before: int) -> int:
-    """Append the rows of curves as they are ready; return how many curves there were."""
+    """Append the rows of curves as they are ready; return the number of curves.
+
+    The progress that is reported begins at the number of curves done `before`.
+    """
     count = 0
     for count, rows in enumerate(pool(reader, curves), start=1):
         table.add(rows)

@@ -1,4 +1,4 @@
-"""The table of many curves: each is a row, with the uncertainty and the verdict of a fit of its own."""
+"""``fits.csv``, the table of many curves: a row for each track of a curve, with its uncertainties and verdicts."""
 
 from __future__ import annotations
 
@@ -28,40 +28,41 @@ from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 
 TABLE = "fits.csv"
-_HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
-_TEXTS = ("curve", "track", "better_laws", "findings", "conditions", "needs", "flags", "settings", "error")
-_LINE = 1 << 16  # [bytes] of the head
-_RECENT = (
-    "prediction",
-    *MOTION_COLUMNS,
-    "better_laws",
-    "findings",
-)  # columns that tables may lack which were written before 0462
-_OF_TRACK = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
-_TAIL = ("rms", *_RECENT, *_OF_TRACK)
-_LATER = (*_RECENT, "conditions", "needs")  # those before schema 5, as they lack the verdict of each value
+_FIRST_COLUMNS = ("curve", "track")
+_NUMBER_SUFFIXES = ("", "_std", "_combined")  # of the columns of a value
+_TEXT_COLUMNS = ("curve", "track", "better_laws", "findings", "conditions", "needs", "flags", "settings", "error")
+_MAX_HEAD = 1 << 16  # [bytes] that are read of the line of column names: a choice
+# Columns that tables written before 0462 may lack.
+_RECENT_COLUMNS = ("prediction", *MOTION_COLUMNS, "better_laws", "findings")
+_TRACK_COLUMNS = ("samples", "x", "y", "verdict", "conditions", "needs", "flags", "settings", "error")
+_LAST_COLUMNS = ("rms", *_RECENT_COLUMNS, *_TRACK_COLUMNS)
+# Columns that tables written before schema 5 lack, as they do the verdict of each value.
+_COLUMNS_SINCE_VERDICTS = (*_RECENT_COLUMNS, "conditions", "needs")
 
 
 class FitTable:
-    """``fits.csv``: written curve by curve, and gone on with where it ends; the latest rows of a curve count."""
+    """``fits.csv``, to which the rows of one curve after the other are appended; the latest rows of a curve count."""
 
     def __init__(self, folder: Path, pipeline: Pipeline, device: str, dialect: str = "") -> None:
         self.columns = columns_of_fits(pipeline)
         self._tracks = len(pipeline.tracks)
-        self._noted = False  # by which command and versions rows are added
+        self._has_provenance = False  # True once the command and the versions that add rows are noted
         self.path = folder / TABLE
-        self._settle(folder, pipeline, device, dialect)
+        self._write_settings(folder, pipeline, device, dialect)
         self.settings = settings_text(folder / SETTINGS, dialect)
-        self.done = self._whole() if self.path.exists() else dict[str, str]()
+        self.done = self._read_complete_curves() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
             write_rows(self.path, self.columns, ())
 
-    def _settle(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
-        """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
+    def _write_settings(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
+        """Write the pipeline of a dialect into the folder, or check that the one that it has is the same.
+
+        Raises OutputError for a folder with other settings, one that holds anything else, and one that cannot be made.
+        """
         text = resolved_text(pipeline, folder)
         ignored = {*pipeline.registry.tables, *reading_keys(device)}
         settings = folder / SETTINGS
-        if dialect and settings.exists() and dialect not in dialects_in(settings):  # files that are read in another way
+        if dialect and settings.exists() and dialect not in dialects_in(settings):
             write_dialects(settings, {dialect: text})
         elif not settings.exists():
             if folder.exists() and any(folder.iterdir()):
@@ -71,69 +72,81 @@ class FitTable:
             except OSError as error:
                 raise OutputError(f"{folder}: cannot write: {error.strerror}") from error
             write_whole(settings, text)
-        elif told := differences(text, settings_text(settings, dialect), ignored):
-            raise OutputError(f"{folder}: was begun with other settings: {told}; nothing is mixed: give --out another")
+        elif changes := differences(text, settings_text(settings, dialect), ignored):
+            raise OutputError(
+                f"{folder}: was begun with other settings: {changes}; nothing is mixed: give --out another"
+            )
 
-    def _whole(self) -> dict[str, str]:
-        """Return the settings of each curve that has all its rows; what is behind the last of them, torn, is cut."""
-        found: dict[str, str] = {}
+    def _read_complete_curves(self) -> dict[str, str]:
+        """Return the key of the settings of each curve that has the rows of all its tracks; cut the file behind them.
+
+        A process that was killed may have left some rows of a curve, or a part of one. Raises OutputError for a table
+        with other columns, except those of an earlier version, which are replaced.
+        """
+        complete: dict[str, str] = {}
         name, count = "", 0
-        head, end = _head_of(self.path)
-        if head != self.columns and _lacks_recent_alone(head, self.columns):
+        head, end = _read_head(self.path)
+        if head != self.columns and _lacks_recent_columns_only(head, self.columns):
             replace_columns(self.path, self.columns)
-            head, end = _head_of(self.path)
+            head, end = _read_head(self.path)
         if head != self.columns:
             raise OutputError(f"{self.path}: has the columns of another version; nothing is mixed: give --out another")
-        for behind, row in rows_of_fits(self.path):
-            count = count + 1 if row["curve"] == name and count < self._tracks else 1
+        # A curve is complete with the row of its last track, or with one row of the curve as a whole.
+        for row_end, row in rows_of_fits(self.path):
+            is_next_track = row["curve"] == name and count < self._tracks
+            count = count + 1 if is_next_track else 1
             name = row["curve"]
             if count == self._tracks or (row["error"] and not row["track"]):
-                found[name], end = row["settings"], behind
+                complete[name] = row["settings"]
+                end = row_end
         if end < self.path.stat().st_size:
             with file_in_place(self.path) as file:
                 file.truncate(end)
-        return found
+        return complete
 
-    def left(self, curves: Iterable[Curve], reader: CurveReader) -> Iterable[Curve]:
+    def unfitted_curves(self, curves: Iterable[Curve], reader: CurveReader) -> Iterable[Curve]:
         """Return the curves that have no rows by their present settings."""
         return (curve for curve in curves if self.done.get(curve.name) != reader.key(curve.own))
 
-    def _text(self, rows: Iterable[Mapping[str, str]]) -> str:
+    def _csv_text(self, rows: Iterable[Mapping[str, str]]) -> str:
         text = io.StringIO()
         csv.DictWriter(text, self.columns, lineterminator="\n").writerows(rows)
         return text.getvalue()
 
     def add(self, rows: Sequence[Row]) -> None:
-        """The rows of one curve, in one writing."""
-        if not self._noted:
+        """Append the rows of one curve in a single write, so that they are not torn apart."""
+        if not self._has_provenance:
             add_provenance(self.path.parent)
-            self._noted = True
+            self._has_provenance = True
         lines = [{key: " ".join(value.split()) for key, value in row.items()} for row in rows]
         with file_in_place(self.path) as file:
             file.seek(0, io.SEEK_END)
-            file.write(self._text(lines).encode())
+            file.write(self._csv_text(lines).encode())
 
     def compact(self, names: Sequence[str] = ()) -> None:
-        """Rewrite the table where it holds rows that later ones stand for, or not in the order of the names."""
-        known = latest_rows(self.path)
-        rows = _sorted_by_curve(known, names)
+        """Rewrite the table without outdated rows, in the order of the names; a table that is so already stays."""
+        latest = latest_rows(self.path)
+        rows = _sorted_by_curve(latest, names)
         with self.path.open("rb") as file:
-            lines = sum(1 for _ in file) - 1
-        if lines > len(rows) or rows != known:
+            line_count = sum(1 for _ in file) - 1
+        if line_count > len(rows) or rows != latest:
             write_rows(self.path, self.columns, rows)
 
 
 def list_unread(path: Path, errors: Mapping[str, str], names: Sequence[str]) -> None:
-    """Give each file that could not be read a row with its error, in the order of the names, and no other file."""
-    known = latest_rows(path)
+    """Give each file that could not be read a row with its error, in the order of the names.
+
+    Such rows of other files are removed.
+    """
+    latest = latest_rows(path)
     unread = [{"curve": name, "error": " ".join(error.split())} for name, error in errors.items()]
     rows = _sorted_by_curve([*fitted_rows(path), *unread], names)
-    if [(row["curve"], row["error"]) for row in rows] != [(row["curve"], row["error"]) for row in known]:
+    if [(row["curve"], row["error"]) for row in rows] != [(row["curve"], row["error"]) for row in latest]:
         write_rows(path, columns_in(path), rows)
 
 
 def _sorted_by_curve(rows: Iterable[Row], names: Sequence[str]) -> list[Row]:
-    """Return rows in the order of the names of their curves, all others behind them."""
+    """Return rows in the order of the names of their curves; those of other curves last."""
     places = {name: place for place, name in enumerate(names)}
     return sorted(rows, key=lambda row: places.get(row["curve"], len(places)))
 
@@ -159,56 +172,69 @@ def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
 
 
 def _columns(names: Sequence[str]) -> tuple[str, ...]:
-    """Return every value with its uncertainties and its verdict, but for the surface, which has none."""
-    of_values = [f"{name}{kind}" for name in names for kind in (*_KINDS, *(["_verdict"] if name != names[-1] else []))]
-    return (*_HEAD, *of_values, *_TAIL)
+    """Return the columns of a table of named values, the last of which is the surface, and has no verdict."""
+    value_columns = []
+    for name in names:
+        value_columns += [f"{name}{suffix}" for suffix in _NUMBER_SUFFIXES]
+        if name != names[-1]:
+            value_columns.append(f"{name}_verdict")
+    return (*_FIRST_COLUMNS, *value_columns, *_LAST_COLUMNS)
 
 
-def _lacks_recent_alone(head: tuple[str, ...], columns: tuple[str, ...]) -> bool:
-    """Return True for the columns of this version, or of one before it that lacks some of the recent ones."""
-    return head == tuple(name for name in columns if name in head or name not in _RECENT)
+def _lacks_recent_columns_only(head: tuple[str, ...], columns: tuple[str, ...]) -> bool:
+    """Return True if a head has the columns of this version, but perhaps for some of the recent ones."""
+    return head == tuple(name for name in columns if name in head or name not in _RECENT_COLUMNS)
 
 
 def demand_columns(path: Path) -> None:
-    """Raise LogError for a table of fits that another version has written, or that is not one."""
-    head, _ = _head_of(path)
+    """Raise LogError for a table of fits with the columns of an unknown version, or that is not one.
+
+    Those before schema 5, without verdicts of values, can be read.
+    """
+    head, _ = _read_head(path)
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
-    now = _columns(names)
-    before_verdicts = tuple(name for name in now if name not in _LATER and not name.endswith("_verdict"))
-    if head != before_verdicts and not _lacks_recent_alone(head, now):
-        about = "was written by another version of palpate" if head[:1] == _HEAD[:1] else "is not a table of fits"
-        raise LogError(f"{path}: {about}: fit the curves again with another --out")
+    columns = _columns(names)
+    columns_before_verdicts = tuple(
+        name for name in columns if name not in _COLUMNS_SINCE_VERDICTS and not name.endswith("_verdict")
+    )
+    if head != columns_before_verdicts and not _lacks_recent_columns_only(head, columns):
+        is_table_of_fits = head[:1] == _FIRST_COLUMNS[:1]
+        problem = "was written by another version of palpate" if is_table_of_fits else "is not a table of fits"
+        raise LogError(f"{path}: {problem}: fit the curves again with another --out")
 
 
 def columns_in(path: Path) -> tuple[str, ...]:
-    """Return the columns of a table of fits; raises LogError where it cannot be read."""
-    return _head_of(path)[0]
+    """Return the columns of a table of fits; raises LogError for one that cannot be read."""
+    return _read_head(path)[0]
 
 
 def latest_rows(path: Path) -> list[Row]:
-    """Return the rows of a table of fits, of each curve those that were written last, in the order of the first."""
-    rows: dict[str, dict[str, Row]] = {}
+    """Return the latest rows of each curve of a table of fits, the curves in the order of their first rows."""
+    rows_by_curve: dict[str, dict[str, Row]] = {}  # then by track
     for _, row in rows_of_fits(path):
-        of_curve = rows.setdefault(row["curve"], {})
-        old = next(iter(of_curve.values()), row)
-        if not row["track"] or not old["track"] or old.get("settings") != row.get("settings"):
-            of_curve.clear()
-        of_curve[row["track"]] = row
-    return [row for of_curve in rows.values() for row in of_curve.values()]
+        rows_by_track = rows_by_curve.setdefault(row["curve"], {})
+        earlier_row = next(iter(rows_by_track.values()), row)
+        # A row by other settings, and one of the curve as a whole, replaces those of all tracks.
+        is_of_curve = not row["track"] or not earlier_row["track"]
+        if is_of_curve or earlier_row.get("settings") != row.get("settings"):
+            rows_by_track.clear()
+        rows_by_track[row["track"]] = row
+    return [row for rows_by_track in rows_by_curve.values() for row in rows_by_track.values()]
 
 
 def fitted_rows(path: Path) -> list[Row]:
-    """Return the latest rows of the curves that were read."""
+    """Return the latest rows of the curves whose files could be read."""
     return [row for row in latest_rows(path) if row["track"] or row.get("settings")]
 
 
 def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
-    """Yield every row of a table of fits with the place [bytes] behind it; a last line that is torn is left out.
+    """Yield every row of a table of fits with the position [bytes] of its end; without a torn last line.
 
-    Raises LogError with line and column for a row that lacks cells, and for a cell that is not what it has to be.
+    Raises LogError with line and column for a row that lacks cells, and for a cell that is not a number or a verdict
+    where its column holds these.
     """
-    head, begin = _head_of(path)
-    with _readable(path) as file:
+    head, begin = _read_head(path)
+    with _open_table(path) as file:
         file.seek(begin)
         for number, line in enumerate(iter(file.readline, b""), start=2):
             if not line.endswith(b"\n"):
@@ -218,28 +244,29 @@ def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
                 raise LogError(f"{path}:{number}: has {len(cells)} cells for {len(head)} columns")
             row = dict(zip(head, cells, strict=True))
             for name, cell in row.items():
-                if wanted := _wanted(name, cell):
-                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, expected a {wanted}")
+                if expected := _unmet_type(name, cell):
+                    raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, expected a {expected}")
             yield file.tell(), row
 
 
-def _wanted(name: str, cell: str) -> str:
-    """What a cell has to be, where it is not; "" where it is."""
-    if not cell or name in _TEXTS:
+def _unmet_type(name: str, cell: str) -> str:
+    """Return "number" or "verdict" if the column needs one and the cell holds anything else; "" for a sound cell."""
+    if not cell or name in _TEXT_COLUMNS:
         return ""
     if name == "verdict" or name.endswith("_verdict"):
         return "" if cell in ("good", *SEVERITIES) or is_open(cell) else "verdict"
     return "" if is_number(cell) else "number"
 
 
-def _head_of(path: Path) -> tuple[tuple[str, ...], int]:
-    """Return the columns of a table, and where its rows begin [bytes]; raises LogError."""
-    with _readable(path) as file:
-        return tuple(next(csv.reader([file.readline(_LINE).decode()]), ())), file.tell()
+def _read_head(path: Path) -> tuple[tuple[str, ...], int]:
+    """Return the columns of a table and the position [bytes] of its first row; raises LogError."""
+    with _open_table(path) as file:
+        return tuple(next(csv.reader([file.readline(_MAX_HEAD).decode()]), ())), file.tell()
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[IO[bytes]]:
+def _open_table(path: Path) -> Iterator[IO[bytes]]:
+    """Open a table of fits; what is read of it raises LogError if it is not one."""
     try:
         with readable(regular(path)) as file:
             yield file

@@ -1,4 +1,4 @@
-"""The facts of files: what is stated of all of them, and what ``curves.csv`` next to them states of each."""
+"""The facts of files: those stated of all of them, and those that ``curves.csv`` next to them states of each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate_kit.curves.stated_facts import StatedFacts, stated_facts
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What is stated of all files, and the cells of each curve in ``curves.csv``."""
+    """The facts that are stated of all files, and the cells of each curve in ``curves.csv``."""
 
     stated: StatedFacts
     cells: Entries = field(default_factory=dict)
@@ -24,7 +24,7 @@ class FileFacts:
         return self.stated.of_curve(self.cells.get(curve, {}))
 
     def listed(self, curves: Iterable[Curve], tables: Mapping[str, Any]) -> Entries:
-        """Return the cells of curves that a pipeline of such `tables` reads, but for facts that options state."""
+        """Return the cells of curves that a pipeline of such `tables` reads, without the facts that options state."""
         return {
             curve.name: self.stated.without_options(self.cells[curve.name], tables)
             for curve in curves
@@ -33,13 +33,16 @@ class FileFacts:
 
 
 def file_facts(sources: Sequence[Path], curves: Iterable[Curve], stated: StatedFacts) -> FileFacts:
-    """Return the facts of the curves of some sources, the places that their files state among them; raises LogError."""
-    listed = [*curves]
-    cells = cells_beside(sources, listed)
-    for curve in listed:
+    """Return the facts of the curves of some sources; raises LogError.
+
+    A place that a curve's file states counts unless ``curves.csv`` states one.
+    """
+    known_curves = [*curves]
+    cells = cells_beside(sources, known_curves)
+    for curve in known_curves:
         if curve.place is not None:
-            of_file = {name: repr(number) for name, number in zip(PLACES, curve.place, strict=True)}
-            cells[curve.name] = {**of_file, **cells.get(curve.name, {})}
+            place_cells = {name: repr(number) for name, number in zip(PLACES, curve.place, strict=True)}
+            cells[curve.name] = {**place_cells, **cells.get(curve.name, {})}
     return FileFacts(stated, cells)
 
 

@@ -52,9 +52,11 @@ def is_fit_folder(path: Path) -> bool:
 def stale_words(folder: FitFolder) -> str:
     """Return a sentence on rows that were made with other settings; empty without any."""
     rows = folder.rows
-    old = sum(row.state == "stale" for row in rows)
-    anew = f"palpate fit {folder.path} repeats them"
-    return f"{old} of {len(rows)} rows were made with other settings: {anew}" if old else ""
+    stale_count = sum(row.state == "stale" for row in rows)
+    if not stale_count:
+        return ""
+    remedy = f"palpate fit {folder.path} repeats them"
+    return f"{stale_count} of {len(rows)} rows were made with other settings: {remedy}"
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class FitFolder:
 
     @property
     def dialects(self) -> list[str]:
-        """The dialects in which its curves are written, that of the pipeline's own tables, which has no name, first."""
+        """The dialects in which its curves are written; first "", that of the pipeline's main tables."""
         return dialects_in(self.path / SETTINGS)
 
     def settings_text(self, dialect: str = "") -> str:
@@ -87,13 +89,14 @@ class FitFolder:
 
     @cached_property
     def entries(self) -> Entries:
-        """``curves.csv``; raises LogError where it names a curve or a dialect that there is not."""
-        found = read_list(self.path / LIST, {row["curve"] for row in self.cells})
-        known = self.dialects if any(cells.get(DIALECT) for cells in found.values()) else [""]
-        for curve, cells in found.items():
-            if (name := cells.get(DIALECT, "")) not in known:
-                raise LogError(f"{self.path / LIST}: {curve}: no dialect {name!r}{suggest(name, known)}")
-        return found
+        """``curves.csv``; raises LogError for an unknown curve or dialect."""
+        entries = read_list(self.path / LIST, {row["curve"] for row in self.cells})
+        names_a_dialect = any(cells.get(DIALECT) for cells in entries.values())
+        dialects = self.dialects if names_a_dialect else [""]  # the settings are read only if needed
+        for curve, cells in entries.items():
+            if (name := cells.get(DIALECT, "")) not in dialects:
+                raise LogError(f"{self.path / LIST}: {curve}: no dialect {name!r}{suggest(name, dialects)}")
+        return entries
 
     @property
     def columns(self) -> list[str]:
@@ -107,7 +110,7 @@ class FitFolder:
 
     @cached_property
     def own(self) -> Own:
-        """``own.toml``; raises LogError where it names a curve that there is not."""
+        """``own.toml``; raises LogError for an unknown curve."""
         return read_own(self.path, self.names)
 
     def settings_of(self, curve: str) -> tuple[str, ...]:
@@ -120,7 +123,7 @@ class FitFolder:
         return [curve.name for curve in curves if record is None or curve.record == record]
 
     def own_of(self, curve: str) -> tuple[str, ...]:
-        """Return the settings of one curve that others need not have."""
+        """Return the settings of one curve alone: the facts in ``curves.csv``, then ``own.toml``."""
         return (*fact_assignments(self.entries.get(curve, {})), *self.own.get(curve, ()))
 
     @cached_property
@@ -133,15 +136,15 @@ class FitFolder:
             raise LogError(str(error)) from error
 
     def facts_left_open(self, dialect: str) -> tuple[str, ...]:
-        """Return the facts that the pipeline of a dialect leaves open, as settings; raises LogError."""
-        if dialect not in self._open:
+        """Return the facts of ``rig.toml`` that the pipeline of a dialect leaves open, as settings; raises LogError."""
+        if dialect not in self._open_facts:
             tables = toml_tables(self.settings_text(dialect)) if self.facts != RigFacts() else {}
-            self._open[dialect] = tuple(facts_left_open(tables, self.facts, registry.load()) if tables else ())
-        return self._open[dialect]
+            self._open_facts[dialect] = tuple(facts_left_open(tables, self.facts, registry.load()) if tables else ())
+        return self._open_facts[dialect]
 
     @cached_property
-    def _open(self) -> dict[str, tuple[str, ...]]:
-        """Those facts by dialect; filled as they are asked for."""
+    def _open_facts(self) -> dict[str, tuple[str, ...]]:
+        """The results of `facts_left_open` by dialect, filled at its calls."""
         return {}
 
     @cached_property
@@ -151,34 +154,44 @@ class FitFolder:
 
     @cached_property
     def by_curve(self) -> dict[str, list[dict[str, str]]]:
-        """The latest rows of ``fits.csv`` of each curve, none where it has none yet."""
-        found: dict[str, list[dict[str, str]]] = {name: [] for name in self.names}
+        """The latest rows of ``fits.csv`` of each curve; empty for a curve that is not fitted yet."""
+        rows: dict[str, list[dict[str, str]]] = {name: [] for name in self.names}
         for row in self.cells:
-            found[row["curve"]].append(row)
-        return found
+            rows[row["curve"]].append(row)
+        return rows
 
     @cached_property
     def keys(self) -> dict[tuple[str, tuple[str, ...]], str]:
-        """The present names of settings, by pipeline and a curve's own; filled as they are asked for."""
+        """The results of `key` by dialect and settings of a curve, filled at its calls."""
         return {}
 
     def key(self, curve: str) -> str:
-        """What the present settings of a curve are called."""
-        kind = self.dialect_of(curve), self.settings_of(curve)
-        if kind not in self.keys:
-            self.keys[kind] = settings_key(self.settings_text(kind[0]), kind[1])
-        return self.keys[kind]
+        """Return the key of the present settings of a curve, with which rows that are not stale were fitted."""
+        dialect = self.dialect_of(curve)
+        settings = self.settings_of(curve)
+        if (dialect, settings) not in self.keys:
+            self.keys[dialect, settings] = settings_key(self.settings_text(dialect), settings)
+        return self.keys[dialect, settings]
 
     def rows_of(self, curve: str) -> list[CurveRow]:
-        """Return the rows of a curve, or one without cells."""
-        groups, key = self.entries.get(curve, {}), self.key(curve)
-        marked = (self.marks.rejected.get(curve), curve in self.marks.accepted)
-        rows = self.by_curve[curve] or [{}]
-        return [CurveRow(curve, row.get("track", ""), row, groups, *marked, row.get("settings") == key) for row in rows]
+        """Return the rows of a curve, or one without cells if it is not fitted yet."""
+        key = self.key(curve)
+        return [
+            CurveRow(
+                curve=curve,
+                track=cells.get("track", ""),
+                cells=cells,
+                groups=self.entries.get(curve, {}),
+                rejected=self.marks.rejected.get(curve),
+                accepted=curve in self.marks.accepted,
+                current=cells.get("settings") == key,
+            )
+            for cells in self.by_curve[curve] or [{}]
+        ]
 
     @property
     def rows(self) -> list[CurveRow]:
-        """Every row, and one without cells for each curve that has none yet; raises LogError."""
+        """Every row, and one without cells for each curve that is not fitted yet; raises LogError."""
         return [row for name in self.names for row in self.rows_of(name)]
 
     @property
@@ -204,22 +217,27 @@ class FitFolder:
     def curve(self, name: str) -> Curve:
         """Return a curve whose file is known, with its own settings."""
         cells = self.entries.get(name, {})
-        place = stated_place(cells)
-        return Curve(name, self.file_of(name), (), self.settings_of(name), cells.get(RECORD) or None, place)
+        return Curve(
+            name,
+            file=self.file_of(name),
+            own=self.settings_of(name),
+            record=cells.get(RECORD) or None,
+            place=stated_place(cells),
+        )
 
     def file_of(self, curve: str) -> str:
-        """Return the file of a curve, which ``curves.csv`` names as seen from a folder; "" where it is not known."""
+        """Return the file of a curve, which ``curves.csv`` names relative to a folder; "" if it is not known."""
         file = self.entries.get(curve, {}).get(FILE, "")
         return os.path.normpath((self.curves_folder or self.path.resolve()) / file) if file else ""
 
     @cached_property
     def curves_folder(self) -> Path | None:
-        """The folder from which the files of curves are seen; None for this one."""
+        """The folder to which the files of curves are relative; None for this one."""
         return curves_folder(self.path)
 
     @property
     def approved(self) -> frozenset[str]:
-        """SHA-256 of the plugin files that its pipelines may name: nothing in the folder is consent to one."""
+        """SHA-256 of the plugin files that its pipelines may name: approved by the user, not by the folder."""
         return approved_plugins().union(trusted_plugins())
 
     def dialect_of(self, curve: str) -> str:
@@ -228,22 +246,22 @@ class FitFolder:
 
     @cached_property
     def _models(self) -> tuple[ContactModel, ...]:
-        """The models, whether the files of curves are there or not; none where they cannot be built again."""
+        """The models, for which the files of curves need not exist; empty if they cannot be built again."""
         with suppress(PalpateError), inherited_approval(self.approved):
             return tuple(build_parts(Source(self.settings_text(), self.path / SETTINGS), "model").values())
         return ()
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """SI unit of each value; none where the models cannot be built again."""
-        found = {"surface": "m"}
+        """SI unit of each value; of the surface alone if the models cannot be built again."""
+        units = {"surface": "m"}
         for model in self._models:
-            found |= value_units(model)
-        return found
+            units |= value_units(model)
+        return units
 
     @cached_property
     def symbols(self) -> dict[str, str]:
         """Name of each value by its symbol."""
-        found = {"E": "elasticity", "eta": "viscosity"}
-        found |= {parameter.symbol: parameter.name for model in self._models for parameter in model.parameters}
-        return {symbol: name for symbol, name in found.items() if name in self.values}
+        names = {"E": "elasticity", "eta": "viscosity"}
+        names |= {parameter.symbol: parameter.name for model in self._models for parameter in model.parameters}
+        return {symbol: name for symbol, name in names.items() if name in self.values}

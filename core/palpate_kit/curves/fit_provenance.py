@@ -1,4 +1,4 @@
-"""``provenance.json``: by which commands, and by which versions, the rows of a folder of fits were made."""
+"""``provenance.json``: the commands and versions that made the rows of a folder of fits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PROVENANCE = "provenance.json"
 
 @dataclass(frozen=True)
 class FitProvenance:
-    """A command that made rows, its paths as seen from the folder, and the versions that it ran with."""
+    """A command that made rows, with paths relative to the folder, and the versions of the libraries that it used."""
 
     command: str
     versions: Mapping[str, str]
 
 
 def read_provenance(folder: Path) -> list[FitProvenance]:
-    """What made the rows of a folder, the oldest first; none where nothing says so. Raises LogError."""
+    """Return the commands that made the rows of a folder, the oldest first; empty without the file. Raises LogError."""
     path = folder / PROVENANCE
     if not path.is_file():
         return []
@@ -39,25 +39,26 @@ def read_provenance(folder: Path) -> list[FitProvenance]:
 
 
 def add_provenance(folder: Path) -> None:
-    """Note the command at work with its versions, once; raises LogError, OutputError."""
-    known, now = read_provenance(folder), FitProvenance(_command(folder), library_versions())
-    if now not in known:
-        write_provenance(folder, [*known, now])
+    """Add the running command with its versions, unless it is noted already; raises LogError, OutputError."""
+    entries = read_provenance(folder)
+    running_command = FitProvenance(_command_line(folder), library_versions())
+    if running_command not in entries:
+        write_provenance(folder, [*entries, running_command])
 
 
 def write_provenance(folder: Path, entries: list[FitProvenance]) -> None:
-    """Write what made the rows of a folder; raises OutputError."""
+    """Write the commands that made the rows of a folder; raises OutputError."""
     write_whole(folder / PROVENANCE, json.dumps([asdict(entry) for entry in entries], indent=2) + "\n")
 
 
-def _command(folder: Path) -> str:
-    """Return the command line, each path in it as seen from the folder, so that both can be moved."""
+def _command_line(folder: Path) -> str:
+    """Return the command line with paths relative to the folder, so that both can be moved together."""
     if Path(sys.argv[0]).stem != "palpate":
         return "in Python"
-    here = folder.resolve()
-    words = []
-    for word in sys.argv[1:]:
-        head, equals, tail = word.rpartition("=") if word.startswith("--") else ("", "", word)
-        there = os.path.relpath(os.path.realpath(tail), here) if tail and os.path.exists(tail) else tail
-        words.append(f"{head}{equals}{there}")
-    return shlex.join(["palpate", *words])
+    arguments = []
+    for argument in sys.argv[1:]:
+        option, equals, text = argument.rpartition("=") if argument.startswith("--") else ("", "", argument)
+        if text and os.path.exists(text):
+            text = os.path.relpath(os.path.realpath(text), folder.resolve())
+        arguments.append(f"{option}{equals}{text}")
+    return shlex.join(["palpate", *arguments])

@@ -15,63 +15,62 @@ from palpate_engine import DIALECT, bounded_text, dialect_tables, toml_tables, w
 from palpate_kit.curves.curve_list import RECORD
 
 SETTINGS = "pipeline.toml"
-CURVES = "curves"  # key of its [run]: the folder from which the files of curves are seen
+CURVES = "curves"  # key of its [run]: the folder to which the files of curves are relative
 
 
 def reading_keys(device: str) -> tuple[str, ...]:
-    """Keys of a pipeline that say where one of the curves is, and not how it is read."""
+    """Return the keys of a pipeline that state the place of a curve, and not how it is read."""
     return f"device.{device}.file", f"device.{device}.{RECORD}", f"run.{CURVES}"
 
 
 def curves_folder(folder: Path) -> Path | None:
-    """Return the folder from which the files of curves are seen, as the pipeline states it; None where it states
-    none."""
-    stated = _run_table(_settings(folder / SETTINGS)).get(CURVES)
-    return Path(os.path.normpath(folder.resolve() / str(stated))) if stated else None
+    """Return the folder to which the files of curves are relative; None unless the pipeline states one."""
+    stated_path = _run_table(_read_tables(folder / SETTINGS)).get(CURVES)
+    return Path(os.path.normpath(folder.resolve() / str(stated_path))) if stated_path else None
 
 
 def settings_text(path: Path, dialect: str = "") -> str:
-    """Return the pipeline of a folder of fits by which files of a dialect are read, wherever these are; raises
-    LogError."""
+    """Return the pipeline by which files of a dialect are read, without the place of the files; raises LogError."""
     try:
-        return tomli_w.dumps(without_curves_folder(dialect_tables(_settings(path), dialect)))
+        return tomli_w.dumps(without_curves_folder(dialect_tables(_read_tables(path), dialect)))
     except ConfigurationError as error:
         raise LogError(f"{path}: {error}") from error
 
 
 def without_curves_folder(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a pipeline of a folder of fits but for where its curves are."""
+    """Return the tables of a pipeline without the folder to which the files of curves are relative."""
     if CURVES not in (run := _run_table(tables)):
         return {**tables}
     return {**tables, "run": {key: value for key, value in run.items() if key != CURVES}}
 
 
 def dialects_in(path: Path) -> list[str]:
-    """Return the dialects of the pipeline of a folder of fits, its own tables first, which have no name; raises
-    LogError."""
-    return ["", *_settings(path).get(DIALECT, {})]
+    """Return the dialects of a pipeline, "" for its main tables first; raises LogError."""
+    return ["", *_read_tables(path).get(DIALECT, {})]
 
 
 def write_dialects(path: Path, texts: Mapping[str, str]) -> None:
     """Write pipelines by dialect into the one file of a folder of fits; raises LogError, OutputError."""
-    before = _settings(path)
-    tables = toml_tables(texts[""]) if "" in texts else before
-    order = _run_table(before)
-    if stated := order.get(CURVES):
-        run = {**_run_table(tables), CURVES: stated}
-        tables["run"] = {key: run[key] for key in (*order, *run) if key in run}  # as before: undo gives the same bytes
+    tables_before = _read_tables(path)
+    tables = toml_tables(texts[""]) if "" in texts else tables_before
+    run_before = _run_table(tables_before)
+    if stated_path := run_before.get(CURVES):
+        run = {**_run_table(tables), CURVES: stated_path}
+        # In the order of before, so that the undo of a change gives the same bytes.
+        tables["run"] = {key: run[key] for key in (*run_before, *run) if key in run}
     for name, text in texts.items():
         tables = with_dialect(tables, name, toml_tables(text)) if name else tables
     write_whole(path, tomli_w.dumps(tables))
 
 
 def _run_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table ``[run]``; empty if it is not a table, which whoever builds the pipeline says."""
+    """Return the table ``[run]``; empty if it is not a table, an error that the pipeline reports when it is built."""
     run = tables.get("run")
     return run if isinstance(run, dict) else {}
 
 
-def _settings(path: Path) -> dict[str, Any]:
+def _read_tables(path: Path) -> dict[str, Any]:
+    """Return the tables of a pipeline file; raises LogError for one that cannot be read."""
     try:
         return toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:

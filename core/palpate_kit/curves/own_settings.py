@@ -1,4 +1,4 @@
-"""``own.toml``: settings of single curves, on top of those of all."""
+"""``own.toml``: settings of single curves, which override those of all."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _KEY = "set"
 Own = dict[str, tuple[str, ...]]  # ``table.key=value`` by the name of the curve
 
 
-def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
+def read_own(folder: Path, curves: Collection[str] | None = None) -> Own:
     """Return the settings of single curves; none without the file.
 
-    Raises LogError for a file that is not valid, and for a curve that is not among those `known`.
+    Raises LogError for a file that is not valid, and for a curve that is not among the `curves`.
     """
     path = folder / OWN
     if not path.is_file():
@@ -26,12 +26,13 @@ def read_own(folder: Path, known: Collection[str] | None = None) -> Own:
         tables = toml_tables(bounded_text(path))
     except (OSError, ValueError) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
-    return {name: _assignments(path, name, table, known) for name, table in tables.items()}
+    return {name: _assignments(path, name, table, curves) for name, table in tables.items()}
 
 
-def _assignments(path: Path, name: str, table: object, known: Collection[str] | None) -> tuple[str, ...]:
-    if known is not None and name not in known:
-        raise LogError(f"{path}: no curve {name!r}{suggest(name, known)}")
+def _assignments(path: Path, name: str, table: object, curves: Collection[str] | None) -> tuple[str, ...]:
+    """Return the assignments in the table of one curve; raises LogError for an unknown curve and for a bad table."""
+    if curves is not None and name not in curves:
+        raise LogError(f"{path}: no curve {name!r}{suggest(name, curves)}")
     if not isinstance(table, Mapping):
         raise LogError(f'{path}: {name}: must be a table, as in ["{name}"] with set = ["estimator.fit.segment=load"]')
     if unknown := next((key for key in table if key != _KEY), None):
@@ -52,10 +53,10 @@ def write_own(folder: Path, own: Mapping[str, Collection[str]]) -> None:
 def change_assignments(
     assignments: Collection[str], new: Collection[str], unset: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Assignments with new ones in place of those of the same key, and without some keys."""
-    left = {text.partition("=")[0].strip(): text for text in assignments}
+    """Return assignments with new ones in place of those of the same key, and without the keys to `unset`."""
+    by_key = {text.partition("=")[0].strip(): text for text in assignments}
     for key in unset:
-        left.pop(key.strip(), None)
+        by_key.pop(key.strip(), None)
     for text in new:
-        left[text.partition("=")[0].strip()] = text
-    return tuple(left.values())
+        by_key[text.partition("=")[0].strip()] = text
+    return tuple(by_key.values())

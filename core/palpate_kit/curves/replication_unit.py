@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 
 from palpate import ConfigurationError, suggest
 
@@ -19,28 +20,30 @@ NO_GROUP = "none"  # of curves without a cell in the column of the groups
 def compare_rows(
     rows: Iterable[CurveRow], parameter: str, by: str | None, unit: str | None = None, mixed: bool = False
 ) -> GroupComparison:
-    """Groups of curves by a column, in the order of their names, compared by a parameter [SI] of their usable rows.
+    """Compare groups of curves by a parameter [SI] of their usable rows, which are of one track.
 
-    The rows are of one track. Raises ConfigurationError for an unknown unit.
+    The groups are the values of the column `by`, in the order of their names; without one all curves are one group.
+    Raises ConfigurationError for an unknown unit.
     """
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:
-        groups.setdefault((row.groups.get(by) or NO_GROUP) if by else "curves", []).append(row)
+        group_name = (row.groups.get(by) or NO_GROUP) if by else "curves"
+        groups.setdefault(group_name, []).append(row)
     groups = {name: groups[name] for name in sorted(groups, key=natural)}
-    chosen = replication_unit({name: [row.groups for row in found] for name, found in groups.items()}, unit)
-    values = {
-        name: [
-            (unit_of(row.curve, row.groups, chosen), value)
-            for row in found
-            if row.usable and (value := row.usable_number(parameter)) is not None
-        ]
-        for name, found in groups.items()
-    }
-    return compare_groups({name: found for name, found in values.items() if found}, chosen, mixed)
+    unit_column = replication_unit({name: [row.groups for row in members] for name, members in groups.items()}, unit)
+    # Unit and value of each usable row.
+    values: dict[str, list[tuple[str, float]]] = {}
+    for name, members in groups.items():
+        for row in members:
+            value = row.usable_number(parameter) if row.usable else None
+            if value is not None:
+                unit_and_value = unit_of(row.curve, row.groups, unit_column), value
+                values.setdefault(name, []).append(unit_and_value)
+    return compare_groups(values, unit_column, mixed)
 
 
 def unit_of(curve: str, cells: Cells, unit: str) -> str:
-    """Return the unit that a curve belongs to; raises ConfigurationError where ``curves.csv`` does not say."""
+    """Return the unit that a curve belongs to; raises ConfigurationError if ``curves.csv`` does not say."""
     if unit == CURVE:
         return curve
     if not cells.get(unit):
@@ -52,54 +55,62 @@ def unit_of(curve: str, cells: Cells, unit: str) -> str:
 
 
 def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = None) -> str:
-    """Return the column that names the units of groups of curves; `curve` where each curve is one.
+    """Return the column that names the units of groups of curves; `curve` if each curve is a unit.
 
-    By default the column with at least two values in each group whose values lie in one group each; of several the
-    coarsest. Raises ConfigurationError where none of them is the coarsest, and for a given `unit` that is not such a
-    column.
+    By default the column with at least two values in each group, each of which lies in one group; of several such
+    columns the coarsest, within whose values those of all others lie; `curve` without one, and for a single group.
+    Raises ConfigurationError if none of several is the coarsest, and for a stated `unit` that is not such a column.
     """
-    everything = [cells for of_group in groups.values() for cells in of_group]
-    columns = columns_of(everything)
+    curves = [cells for members in groups.values() for cells in members]
+    columns = columns_of(curves)
     if unit is not None:
         return _demand_unit(groups, columns, unit)
-    found = [name for name in columns if name not in (*PLACES, *FACTS) and _names_units(groups, name)]
-    if len(groups) < 2 or not found:
+    candidates = [name for name in columns if name not in (*PLACES, *FACTS) and _names_units(groups, name)]
+    if len(groups) < 2 or not candidates:
         return CURVE
-    for coarse in found:
-        if all(_lies_within(fine, coarse, everything) for fine in found):
+    for coarse in candidates:
+        if all(_lies_within(fine, coarse, curves) for fine in candidates):
             return coarse
-    one, other = next(
-        (a, b) for a in found for b in found if not (_lies_within(a, b, everything) or _lies_within(b, a, everything))
-    )
+    first, second = _crossing_columns(candidates, curves)
     raise ConfigurationError(
-        f"{one} and {other} of curves.csv may both name the units that are compared, and neither lies within the "
-        f"other: give --unit {one} or --unit {other}"
+        f"{first} and {second} of curves.csv may both name the units that are compared, and neither lies within the "
+        f"other: give --unit {first} or --unit {second}"
+    )
+
+
+def _crossing_columns(columns: Sequence[str], curves: Sequence[Cells]) -> tuple[str, str]:
+    """Return the first two columns of which neither lies within the other."""
+    return next(
+        (first, second)
+        for first, second in product(columns, repeat=2)
+        if not (_lies_within(first, second, curves) or _lies_within(second, first, curves))
     )
 
 
 def shared_units(groups: Mapping[str, Sequence[Cells]], column: str) -> list[str]:
     """Return the values of `column` that occur in more than one group, in order of first occurrence."""
-    of_group = [dict.fromkeys(cells.get(column) or "" for cells in found) for found in groups.values()]
-    counts = Counter(value for values in of_group for value in values if value)
+    values_by_group = [dict.fromkeys(cells.get(column) or "" for cells in curves) for curves in groups.values()]
+    counts = Counter(value for values in values_by_group for value in values if value)
     return [value for value, count in counts.items() if count > 1]
 
 
 def _names_units(groups: Mapping[str, Sequence[Cells]], column: str) -> bool:
     """Return True if a column has at least two values in each group, and each value in one group."""
-    several = all(len({cells.get(column) or "" for cells in found} - {""}) > 1 for found in groups.values())
-    return several and not shared_units(groups, column)
+    values_by_group = [{cells.get(column) or "" for cells in curves} - {""} for curves in groups.values()]
+    return all(len(values) > 1 for values in values_by_group) and not shared_units(groups, column)
 
 
 def _lies_within(fine: str, coarse: str, curves: Sequence[Cells]) -> bool:
-    """Return True if the curves of each value of one column have one value of another."""
-    found: dict[str, set[str]] = {}
+    """Return True if all curves with one value of the fine column have one value of the coarse column."""
+    coarse_values: dict[str, set[str]] = {}  # by fine value
     for cells in curves:
         if cells.get(fine) and cells.get(coarse):
-            found.setdefault(cells[fine], set()).add(cells[coarse])
-    return all(len(values) == 1 for values in found.values())
+            coarse_values.setdefault(cells[fine], set()).add(cells[coarse])
+    return all(len(values) == 1 for values in coarse_values.values())
 
 
 def _demand_unit(groups: Mapping[str, Sequence[Cells]], columns: Sequence[str], unit: str) -> str:
+    """Return a stated unit; raises ConfigurationError for an unknown column, and for one whose values groups share."""
     if unit == CURVE:
         return unit
     if unit not in columns:

@@ -1,4 +1,4 @@
-"""Rows of a table of fits in few numbers: how many there are, and quartiles of their values."""
+"""Summary of the rows of a table of fits: counts of curves, and quartiles of their values."""
 
 from __future__ import annotations
 
@@ -10,21 +10,24 @@ from palpate import Floats
 
 
 def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """By track of rows: curves, those that failed or are flagged, and median and quartiles of each named value."""
-    found: dict[str, dict[str, Any]] = {}
+    """Return by track the number of curves, of failed and of flagged ones, and quartiles [SI] of each named value.
+
+    Failed are those with an error or without a surface, flagged those whose verdict is doubtful or invalid.
+    """
+    summaries: dict[str, dict[str, Any]] = {}
     numbers: dict[str, dict[str, list[float]]] = {}
     for row in rows:
         track = row.get("track", "")
-        told = found.setdefault(track, {"curves": 0, "failed": 0, "flagged": 0})
-        told["curves"] += 1
-        told["failed"] += bool(row.get("error")) or not row.get("surface")
-        told["flagged"] += row.get("verdict") in ("doubtful", "invalid")
+        counts = summaries.setdefault(track, {"curves": 0, "failed": 0, "flagged": 0})
+        counts["curves"] += 1
+        counts["failed"] += bool(row.get("error")) or not row.get("surface")
+        counts["flagged"] += row.get("verdict") in ("doubtful", "invalid")
         for name in names:
             if row.get(name):
                 numbers.setdefault(track, {}).setdefault(name, []).append(float(row[name]))
     for track, columns in numbers.items():
-        found[track]["quartiles"] = {name: _quartiles(np.array(values)) for name, values in columns.items()}
-    return found
+        summaries[track]["quartiles"] = {name: _quartiles(np.array(values)) for name, values in columns.items()}
+    return summaries
 
 
 def _quartiles(values: Floats) -> list[float]:

@@ -1,7 +1,7 @@
-"""Two tips, or two depths, on one specimen: E_n of what they give, which shows a wrong fact of rig or specimen.
+"""Two tips, or two depths, on one specimen: the E_n of their values shows a wrong fact of rig or specimen.
 
-A material with memory hides a wrong fact from one record. Another tip or depth weighs a layer, a tip or a base
-differently, so that values that hold for the same facts agree only where these are right.
+In one record of a material with memory a wrong fact may not show. Another tip or depth weighs a layer, a tip or a base
+differently, so that the values of both agree only if the facts are right.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from palpate_kit.terminal.phrase import Quantity, curve_count, quantity_text
 
 SPECIMEN = "specimen"  # column of ``curves.csv``
 COMPARED = ("elasticity", "viscosity")  # else the first two values of a model
-DEEPER = 1.25  # times as deep is another depth; a choice, far above the noise of a depth
-AGREEMENT = 1.0  # of E_n (ISO 13528)
+DEEPER = 1.25  # ratio of two depths that are different: far above the noise of a depth; a choice
+AGREEMENT = 1.0  # E_n up to which two values agree (ISO 13528)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """The records of one specimen by one tip to about one depth, with their means."""
+    """The curves of one specimen by one tip to about one depth, with the means of their values."""
 
     tip: str
     deepest: float | None  # [m]
@@ -71,18 +71,18 @@ class SetupPair:
         return {"specimen": self.specimen, "track": self.track, "setups": setups, "e_n": dict(self.e_n)}
 
 
-def setup_pairs(folder: FitFolder, curves: Collection[str], known: Registry) -> list[SetupPair]:
-    """Return the pairs of tips or depths on each specimen of some curves, those that agree least first."""
+def setup_pairs(folder: FitFolder, curves: Collection[str], registry: Registry) -> list[SetupPair]:
+    """Return the pairs of setups on each specimen of some curves, in the order of their largest E_n."""
     if SPECIMEN not in folder.columns:
         return []
     names = [name for name in COMPARED if name in folder.values] or folder.values[:2]
     pairs = []
-    for (specimen, track), of_tip in _rows_by_tip(folder, curves).items():
-        setups = [
-            _setup(short_tip(tip, known), same_depth, names)
-            for tip, of_one in of_tip.values()
-            for same_depth in by_depth(of_one)
-        ]
+    for (specimen, track), rows_by_tip in _rows_by_tip(folder, curves).items():
+        # A setup for each tip and depth on the specimen.
+        setups = []
+        for tip, rows in rows_by_tip.values():
+            tip_text = short_tip(tip, registry)
+            setups += [_mean_setup(tip_text, rows_of_depth, names) for rows_of_depth in by_depth(rows)]
         pairs += [SetupPair(specimen, track, pair, _scores(*pair)) for pair in combinations(setups, 2)]
     return sorted((pair for pair in pairs if pair.e_n), key=lambda pair: -max(pair.e_n.values()))
 
@@ -91,36 +91,39 @@ _RowsOfTip = tuple[Indenter | None, list[CurveRow]]
 
 
 def _rows_by_tip(folder: FitFolder, curves: Collection[str]) -> dict[tuple[str, str], dict[str, _RowsOfTip]]:
-    """Return the usable rows of some curves by specimen and track, then by their tips."""
-    of_specimen: dict[tuple[str, str], dict[str, _RowsOfTip]] = {}
+    """Return the usable rows of some curves with the present settings, by specimen and track, then by tip."""
+    rows_by_specimen: dict[tuple[str, str], dict[str, _RowsOfTip]] = {}
     pipelines: dict[tuple[str, tuple[str, ...]], Pipeline] = {}
     for name in curves:
         if name not in folder.by_curve:
             continue
-        kind = folder.dialect_of(name), folder.settings_of(name)
+        dialect_and_settings = folder.dialect_of(name), folder.settings_of(name)
         for row in folder.rows_of(name):
             if not (row.usable and row.current and row.groups.get(SPECIMEN)):
                 continue
-            if kind not in pipelines:
-                pipelines[kind] = dialect_pipeline(folder, *kind)
-            tip = _tip_of(pipelines[kind], row.track)
-            of_tip = of_specimen.setdefault((row.groups[SPECIMEN], row.track), {})
-            of_tip.setdefault(repr(tip), (tip, []))[1].append(row)
-    return of_specimen
+            # A pipeline is built once for all curves with the same settings.
+            if dialect_and_settings not in pipelines:
+                pipelines[dialect_and_settings] = dialect_pipeline(folder, *dialect_and_settings)
+            tip = _tip_of(pipelines[dialect_and_settings], row.track)
+            rows_by_tip = rows_by_specimen.setdefault((row.groups[SPECIMEN], row.track), {})
+            _, rows = rows_by_tip.setdefault(repr(tip), (tip, []))
+            rows.append(row)
+    return rows_by_specimen
 
 
 def _tip_of(pipeline: Pipeline, name: str) -> Indenter | None:
-    """Return the tip of a track; None where its model has none."""
+    """Return the tip of a track; None if its model has none."""
     track = next(track for track in pipeline.tracks if str(track.name) == name)
     tip = getattr(track.model, "indenter", None)
     return tip if isinstance(tip, Indenter) else None
 
 
 def by_depth(rows: Sequence[CurveRow]) -> list[list[CurveRow]]:
-    """Return rows in groups of about the same depth, from the least deep on."""
+    """Return rows in groups of about the same depth, the shallowest first; each begins at its own shallowest row."""
     groups: list[list[CurveRow]] = []
     shallowest = 0.0
-    for depth, row in sorted(((row.number("deepest") or 0.0, row) for row in rows), key=lambda item: item[0]):
+    depths_and_rows = ((row.number("deepest") or 0.0, row) for row in rows)
+    for depth, row in sorted(depths_and_rows, key=lambda item: item[0]):
         if groups and depth <= DEEPER * shallowest:
             groups[-1].append(row)
         else:
@@ -129,43 +132,44 @@ def by_depth(rows: Sequence[CurveRow]) -> list[list[CurveRow]]:
     return groups
 
 
-def short_tip(tip: Indenter | None, known: Registry) -> str:
+def short_tip(tip: Indenter | None, registry: Registry) -> str:
     """Return a tip by its kind and numbers, as in "exact-sphere 2.5 mm"; empty without one."""
     if tip is None:
         return ""
     numbers = (quantity_text(Quantity(value, unit)) for _, value, unit in numbers_of(tip))
-    return " ".join([known.name_of(type(tip)), *numbers])
+    return " ".join([registry.name_of(type(tip)), *numbers])
 
 
-def _setup(tip: str, rows: Sequence[CurveRow], names: Sequence[str]) -> Setup:
-    """Return the means of repeats; their uncertainty is that of one, since what they share does not average out."""
+def _mean_setup(tip: str, rows: Sequence[CurveRow], names: Sequence[str]) -> Setup:
+    """Return the means of repeats and of their combined uncertainties: errors that repeats share do not average out."""
     values = {}
     for name in names:
-        cells = [(row.usable_number(name), row.number(f"{name}_combined")) for row in rows]
-        known = [(value, combined) for value, combined in cells if value is not None and combined]
-        if known:
-            value, combined = np.mean(known, axis=0).tolist()
+        numbers = [(row.usable_number(name), row.number(f"{name}_combined")) for row in rows]
+        usable_numbers = [(value, combined) for value, combined in numbers if value is not None and combined]
+        if usable_numbers:
+            value, combined = np.mean(usable_numbers, axis=0).tolist()
             values[name] = (value, combined)
     depths = [depth for row in rows if (depth := row.number("deepest")) is not None]
     return Setup(tip, max(depths, default=None), tuple(row.curve for row in rows), values)
 
 
-def _scores(one: Setup, other: Setup) -> dict[str, float]:
+def _scores(first: Setup, second: Setup) -> dict[str, float]:
     """Return the magnitude of E_n of each value that both have."""
-    shared = [name for name in one.values if name in other.values]
-    return {name: abs(normalised_error(*one.values[name], *other.values[name])) for name in shared}
+    names = [name for name in first.values if name in second.values]
+    return {name: abs(normalised_error(*first.values[name], *second.values[name])) for name in names}
 
 
 def agreement_sentence(pairs: Sequence[SetupPair]) -> str:
-    """Return what the pairs say of the facts of rig and specimen; empty without any."""
+    """Return a sentence on the facts of rig and specimen by the agreement of pairs; empty without any."""
     if not pairs:
         return ""
     beyond = [pair for pair in pairs if pair.beyond]
     if not beyond:
         return "E_n is at most 1: the stated facts of rig and specimen agree within the ±"
-    several = f" in {len(beyond)} of {len(pairs)} pairs" if len(pairs) > 1 else ""
-    elastic = any(name != "viscosity" for pair in beyond for name in pair.beyond)
-    likely = "tip, thickness or base" if elastic else "the delay"
+    pair_count = f" in {len(beyond)} of {len(pairs)} pairs" if len(pairs) > 1 else ""
+    # A wrong tip, thickness or base changes every value; a wrong delay mostly the viscosity.
+    is_elastic = any(name != "viscosity" for pair in beyond for name in pair.beyond)
+    likely_fact = "tip, thickness or base" if is_elastic else "the delay"
     specimens = ", ".join(dict.fromkeys(pair.specimen for pair in beyond))
-    wrong = "a fact of rig or specimen is wrong for at least one of them"
-    return f"E_n is beyond 1{several} ({specimens}): {wrong}, most likely {likely}"
+    conclusion = "a fact of rig or specimen is wrong for at least one of them"
+    return f"E_n is beyond 1{pair_count} ({specimens}): {conclusion}, most likely {likely_fact}"
