@@ -28,9 +28,9 @@ _MAX_STD = 0.02  # [s] of a delay, beyond which None is returned
 def air_delay(
     force_time: Floats, force: Floats, position_time: Floats, position: Floats
 ) -> tuple[float, float, float] | None:
-    """Return how much later [s] the force is recorded than the motion, its standard deviation, and the mass [kg].
+    """Return the delay [s] of the force behind the motion, its standard deviation [s], and the mass [kg].
 
-    Force is positive in contact, position upwards. None where nothing moves in free air, or not enough.
+    Force is positive in contact, position upwards. None if too little of the record is motion in free air.
     """
     grid, (force, position) = evidence.on_grid([force_time, position_time], [force, position])
     step = float(grid[1] - grid[0])
@@ -44,14 +44,15 @@ def air_delay(
     acceleration = np.gradient(np.gradient(_averaged(position), step), step)
     jerk = np.gradient(acceleration, step)
     averaged_force = _averaged(force)
-    usable = in_air.copy()
-    usable[:_EDGE_SAMPLES] = usable[-_EDGE_SAMPLES:] = False
+    # A sample is usable if all samples that its averages and derivatives depend on are in air.
+    is_usable = in_air.copy()
+    is_usable[:_EDGE_SAMPLES] = is_usable[-_EDGE_SAMPLES:] = False
     for shift in range(1, _EDGE_SAMPLES):
-        usable[:-shift] &= in_air[shift:]
-        usable[shift:] &= in_air[:-shift]
-    if usable.sum() < _MIN_AIR_SAMPLES:
+        is_usable[:-shift] &= in_air[shift:]
+        is_usable[shift:] &= in_air[:-shift]
+    if is_usable.sum() < _MIN_AIR_SAMPLES:
         return None
-    return _delay_by_regression(averaged_force[usable], acceleration[usable], jerk[usable])
+    return _delay_by_regression(averaged_force[is_usable], acceleration[is_usable], jerk[is_usable])
 
 
 def _averaged(values: Floats) -> Floats:
@@ -63,7 +64,7 @@ def _averaged(values: Floats) -> Floats:
 
 
 def _delay_by_regression(force: Floats, acceleration: Floats, jerk: Floats) -> tuple[float, float, float] | None:
-    """Return delay [s], its standard deviation and mass [kg] by F = c - m a + m tau j; None where they are not known.
+    """Return delay [s], its standard deviation and mass [kg] by F = c - m a + m tau j; None if they are not determined.
 
     With p = m tau the slope of tau = p/m in (c, -m, p) is (0, tau/m, 1/m), by which the covariance propagates.
     """

@@ -6,7 +6,7 @@ column of a turning joint is (axis x (tip - origin), axis).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Literal, Self
 
@@ -65,7 +65,10 @@ class Kinematics(Settings):
         if self.joints:
             return self.joints
         rows = zip(JOINTS, A, D, ALPHA, strict=True)
-        return tuple(Joint.model_construct(name=self.prefix + n, a=a, d=d, alpha=w, offset=0.0) for n, a, d, w in rows)
+        return tuple(
+            Joint.model_construct(name=self.prefix + name, a=a, d=d, alpha=alpha, offset=0.0)
+            for name, a, d, alpha in rows
+        )
 
     @property
     def streams(self) -> tuple[Stream, Stream]:
@@ -170,28 +173,38 @@ def quaternions(rotations: Floats) -> Floats:
 def joint_feeds(
     container: Container, kinematics: Kinematics, clock: Clock, log: str
 ) -> tuple[list[TopicFeed], TopicFeed]:
-    """Return the streams of the tip, with its velocity where the joints' is recorded, and the orientation.
+    """Return the feeds of the tip, and of its velocity if the joints' is recorded; then that of the orientation.
 
-    Raises LogError where the log does not have the topic of the joints, or its messages do not name them.
+    Raises LogError if the log does not have the topic of the joints, or its messages do not name them.
     """
     if kinematics.topic not in container.topics:
-        there = ", ".join(container.topics) or "none"
-        raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {there})")
+        topics = ", ".join(container.topics) or "none"
+        raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {topics})")
     with name_the_log(log):
         decoder = decoder_of(container.topics[kinematics.topic])
     names = [joint.name for joint in kinematics.chain]
     angles = tuple(FieldReading("position", None, name) for name in names)
     speeds = tuple(FieldReading("velocity", None, name) for name in names)
-    tips, twists = kinematics.streams
-    ones = np.ones(len(_POSE))
-    tip = TopicFeed(tips, kinematics.topic, angles, ones, clock, decoder, function=kinematics.pose)
-    twist = TopicFeed(twists, kinematics.topic, angles + speeds, ones, clock, decoder, function=kinematics.twist)
-    turn = TopicFeed(
-        Stream("", (), None), kinematics.topic, angles, ones, clock, decoder, function=kinematics.quaternions
-    )
+    tip_stream, twist_stream = kinematics.streams
+
+    def feed(stream: Stream, readings: tuple[FieldReading, ...], function: Callable[[Floats], Floats]) -> TopicFeed:
+        """Return the feed of a stream that is a function of readings of the joints."""
+        return TopicFeed(
+            stream,
+            topic=kinematics.topic,
+            readings=readings,
+            factors=np.ones(len(_POSE)),
+            clock=clock,
+            decoder=decoder,
+            function=function,
+        )
+
+    tip = feed(tip_stream, angles, kinematics.pose)
+    twist = feed(twist_stream, angles + speeds, kinematics.twist)
+    orientation = feed(Stream("", (), None), angles, kinematics.quaternions)
     check_fields(container, [tip], log)
     with name_the_log(log):
-        return ([tip, twist] if _has_speeds(container, twist) else [tip]), turn
+        return ([tip, twist] if _has_speeds(container, twist) else [tip]), orientation
 
 
 def _has_speeds(container: Container, twist: TopicFeed) -> bool:

@@ -1,4 +1,4 @@
-"""A ready mapping for a log without a description."""
+"""The suggestion for a log of topics: the numbers that are force, position and velocity, their units and clock."""
 
 from __future__ import annotations
 
@@ -47,12 +47,16 @@ class _StampSpan:
 TopicTables = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
 
-def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
-    """Return the tables that read a log; raises LogError where nothing in it can be a force or a position."""
+def suggestion_for(container: Container, path: Path, device_type: str, choices: Mapping[str, str]) -> Suggestion:
+    """Return the tables by which a type of device reads a log.
+
+    Raises LogError for choices that apply to tables alone, and if no number can be a force or a position.
+    """
     if "lateral" in choices:
         raise LogError(f"{path}: --lateral is for tables; of topics, name lateral_x and lateral_y in [alignment]")
     if "time" in choices:
         raise LogError(f"{path}: --time is for CSV files; its messages have times of their own")
+    # The roles of the numbers, and the units that nothing states.
     tables, spans = _topic_tables(container)
     guess = _guess_roles(container, tables, choices, path)
     keys = {role: pick.series.key for role, pick in guess.picks.items()}
@@ -60,11 +64,12 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     units = {role: pick.series.unit or roles.UNITS[role] for role, pick in guess.picks.items()}
     _guess_units(guess, units, extra["doubts"], tip_of(choices))
     # The device: its signals, its clock, and the end of reading.
-    device: dict[str, Any] = {"type": kind, "file": str(path), "signals": _signals(keys, units, tables)}
+    device: dict[str, Any] = {"type": device_type, "file": str(path), "signals": _signals(keys, units, tables)}
     device |= dict(_times(guess, keys, tables, extra["reasons"]))
     if "time" not in device and (doubt := _doubt_of_stamps(guess, spans)):
         device["time"] = "log"
         extra["doubts"].append(doubt)
+    # The alignment: a stream is called after its topic or frame.
     sources = {role: _source(*key) for role, key in keys.items()}
     unique_sources = list(dict.fromkeys(sources.values()))
     names = dict(zip(unique_sources, stream_names(unique_sources), strict=True))
@@ -76,12 +81,12 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
 def _guess_roles(container: Container, tables: TopicTables, choices: Mapping[str, str], path: Path) -> RoleGuess:
     """Return which numbers of a log are force, position and velocity.
 
-    Raises LogError where none can be, or the position is one of several frames of which nobody has chosen.
+    Raises LogError if none can be, or if the position is one of several frames and `choices` names none.
     """
     frames = {topic: list(_frames(container, topic)) for topic in tables if _has_frames(container, topic)}
     columns_of_topics = (frames.get(topic) or _columns(container, topic, tables) for topic in tables)
     columns = [column for columns_of_topic in columns_of_topics for column in columns_of_topic]
-    chosen = {role: _chosen(role, choices[role], columns, tables, path) for role in ROLES if role in choices}
+    chosen = {role: _chosen_column(role, choices[role], columns, tables, path) for role in ROLES if role in choices}
     guess = find_roles([column for column in columns if column.role != "other"], chosen)
     if guess is None:
         raise LogError(f"{path}: {_nothing_found(columns)}")
@@ -92,7 +97,7 @@ def _guess_roles(container: Container, tables: TopicTables, choices: Mapping[str
 
 
 def _signals(keys: Mapping[str, tuple[str, str]], units: Mapping[str, str], tables: TopicTables) -> dict[str, Any]:
-    """Return the signals of the device: each role, by topic and name, after the other axes that belong to it."""
+    """Return the signals of the device: of each role, and before it those of the other axes that belong to it."""
     signals: dict[str, Any] = {}
     for role, (topic, name) in keys.items():
         for other, field, unit in roles.beside(role, name, tables[topic][0]):
@@ -108,7 +113,8 @@ def _has_frames(container: Container, topic: str) -> bool:
 
 def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
     """Yield the height of every child frame of a topic of transforms."""
-    decoder, origin = decoder_of(container.topics[topic]), container.span[0] if container.span else 0
+    decoder = decoder_of(container.topics[topic])
+    origin = container.span[0] if container.span else 0
     heights: dict[str, list[tuple[Floats, Floats]]] = {}
     count = 0
     for _, messages in container.blocks({topic}):
@@ -121,7 +127,13 @@ def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
     for name, blocks in heights.items():
         time, values = (np.concatenate(columns) for columns in zip(*blocks, strict=True))
         yield NumberColumn(
-            f"{topic}:{name}", time, values, "position", f"frame {name}", "m", (topic, f"{_HEIGHT}@{name}")
+            label=f"{topic}:{name}",
+            time=time,
+            values=values,
+            role="position",
+            why=f"frame {name}",
+            unit="m",
+            key=(topic, f"{_HEIGHT}@{name}"),
         )
 
 
@@ -204,7 +216,7 @@ def _guess_units(guess: RoleGuess, units: dict[str, str], doubts: list[str], tip
 
 
 def _clock(keys: Mapping[str, tuple[str, str]], tables: TopicTables) -> str | None:
-    """Return the number in the messages that is the time, where all roles are in one topic."""
+    """Return the name of the number that is the time, if all roles are in one topic; None without one."""
     topics = {topic for topic, _ in keys.values()}
     if len(topics) > 1:
         return None
@@ -213,7 +225,7 @@ def _clock(keys: Mapping[str, tuple[str, str]], tables: TopicTables) -> str | No
 
 
 def _source(topic: str, name: str) -> str:
-    """Return what a stream is named after: the topic, or a frame of it."""
+    """Return the topic of a number, with its frame if it has one: a stream is named after it."""
     frame = name.partition("@")[2]
     return f"{topic}/{frame}" if frame else topic
 
@@ -257,28 +269,40 @@ def _span(batch: Batch) -> _StampSpan:
 
 
 def _columns(container: Container, topic: str, tables: TopicTables) -> list[NumberColumn]:
-    """Return every number of a topic, with the role that its type or its name states; no clock, and none of few."""
+    """Return every number of a topic with the role that its type or name states; no clock, and none of few messages."""
     message_type = container.topics[topic].type
     role_by_type = roles.role_of_type(topic, message_type)
     names, time, values = tables[topic]
     columns = []
-    for k, name in enumerate(names):
+    for index, name in enumerate(names):
         if role_by_type is None:
             role, why, unit = roles.role_of_name(name)
         elif name == role_by_type[1]:
             role, why, unit = role_by_type[0], f"a {message_type}", roles.UNITS[role_by_type[0]]
         else:
             role, why, unit = "other", "", None
-        if len(time) >= _MIN_MESSAGES and not roles.runs_with(values[:, k], time):
-            is_named, key = roles.is_unknown_name(name), (topic, name)
-            columns.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, key, is_named))
+        if len(time) >= _MIN_MESSAGES and not roles.runs_with(values[:, index], time):
+            columns.append(
+                NumberColumn(
+                    label=f"{topic}:{name}",
+                    time=time,
+                    values=values[:, index],
+                    role=role,
+                    why=why,
+                    unit=unit,
+                    key=(topic, name),
+                    named=roles.is_unknown_name(name),
+                )
+            )
     return columns
 
 
-def _chosen(role: str, choice: str, columns: list[NumberColumn], tables: TopicTables, path: Path) -> NumberColumn:
+def _chosen_column(
+    role: str, choice: str, columns: list[NumberColumn], tables: TopicTables, path: Path
+) -> NumberColumn:
     """Return the column that a choice names: a frame, TOPIC:FIELD, or a topic whose type states its one number.
 
-    Raises LogError where it names none, or several.
+    Raises LogError if it names none, or several.
     """
     topic, _, name = choice.partition(":")
     frames = [c for c in columns if "@" in c.key[1] and choice in (c.label, c.label.partition(":")[2])]
@@ -295,7 +319,7 @@ def _chosen(role: str, choice: str, columns: list[NumberColumn], tables: TopicTa
 
 
 def _last_contact(force: NumberColumn, sign: int) -> float | None:
-    """Return when [s] the force was last at half of its range; None where the record ends soon after that."""
+    """Return when [s] the force was last at half of its range; None if the record ends soon after that."""
     is_good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
     time, values = force.time[is_good], sign * force.values[is_good]
     low, high = (float(x) for x in np.percentile(values, _CONTACT_PERCENTILES))
