@@ -18,8 +18,8 @@ from palpate_kit.terminal.result_table import (
 from palpate_kit.terminal.table import Table
 
 _MICROSECONDS = 1e6  # in a second
-_MEASURES, _ALL_MEASURES = 4, 7  # columns of a terminal and of a whole table
-_WHOLE_FROM = 10  # from which on a number has no decimals: a choice
+_MEASURE_COUNT, _WHOLE_MEASURE_COUNT = 4, 7  # columns of measures, of a terminal and of a whole table
+_FIRST_WHOLE = 10  # from which on a number is shown without decimals: a choice
 _REASON = "reason"
 SLOW = "slower than real time"
 _LEGEND = (
@@ -38,41 +38,41 @@ def comparison_table(table: ResultTable, is_whole: bool = False) -> Table:
     names = list(dict.fromkeys(name for row in table.rows for name in row.values)) if is_whole else table.names
     values = value_table(table, names=names)
     distant_names = [name for name in names if any(name in _distances(row) for row in table.rows)]
-    rows: list[tuple[str, ...]] = [
-        (
-            *(cells if is_whole else _with_reason(cells, row)),
-            *_measure_cells(row, is_whole),
-            *_distance_cells(row, distant_names),
-        )
-        for cells, row in zip(values.rows, table.rows, strict=False)
-    ]
+    # The cells of each track; a row of values without a track, the last, is the truth.
+    rows: list[tuple[str, ...]] = []
+    for value_cells, row in zip(values.rows, table.rows, strict=False):
+        measure_cells = [*_measure_cells(row, is_whole), *_distance_cells(row, distant_names)]
+        if is_whole:
+            rows.append((*value_cells, *measure_cells, reason_of(row)))
+        else:
+            rows.append((*_with_reason(value_cells, row), *measure_cells))
+    measure_headings = _measure_headings(distant_names, is_whole)
+    if len(values.rows) > len(rows):
+        rows.append((*values.rows[-1], *[""] * len(measure_headings)))
     headings, text_headings = values.headings, values.left
-    heads = [
-        "force\n%",
-        "NIS",
-        "settled\ns",
-        "cost\nus",
-        *(f"{SYMBOLS.get(name, name)} off\nu" for name in distant_names),
-    ]
-    if is_whole:
-        heads = ["force\n%", "NIS", "NIS low", "NIS high", "settled\ns", "cost\nus", "samples"]
-        heads += [*(f"{name} off [u]" for name in distant_names), _REASON]
-        rows = [(*cells, reason_of(row)) for cells, row in zip(rows, table.rows, strict=True)]
-    else:
-        headings, text_headings = (tuple(map(with_symbols, texts)) for texts in (headings, text_headings))
-    if len(values.rows) > len(rows):  # the truth
-        rows.append((*values.rows[-1], *[""] * len(heads)))
+    if not is_whole:
+        headings = tuple(map(with_symbols, headings))
+        text_headings = tuple(map(with_symbols, text_headings))
     return replace(
         values,
-        headings=(*headings, *heads),
+        headings=(*headings, *measure_headings),
         rows=tuple(rows),
         left=(*text_headings, _REASON),
-        spare=0 if is_whole else len(heads),
+        spare=0 if is_whole else len(measure_headings),
     )
 
 
+def _measure_headings(distant_names: Sequence[str], is_whole: bool) -> list[str]:
+    """Return the headings of the measures, and of the distances of values from the truth."""
+    if is_whole:
+        headings = ["force\n%", "NIS", "NIS low", "NIS high", "settled\ns", "cost\nus", "samples"]
+        return [*headings, *(f"{name} off [u]" for name in distant_names), _REASON]
+    distances = (f"{SYMBOLS.get(name, name)} off\nu" for name in distant_names)
+    return ["force\n%", "NIS", "settled\ns", "cost\nus", *distances]
+
+
 def lines_below(table: ResultTable) -> Iterator[str]:
-    """Return what the columns of measures are, and which tracks cannot keep up with their sensors."""
+    """Yield the legend of the columns of measures, and a sentence on each track that is slower than its sensors."""
     yield from filled(_LEGEND, "  ")
     for row in table.rows:
         if row.measures is not None and row.measures.is_behind:
@@ -81,7 +81,7 @@ def lines_below(table: ResultTable) -> Iterator[str]:
 
 
 def reason_of(row: ResultRow) -> str:
-    """Return the flags by which values of a track are not good, and whether it is slower than its sensors."""
+    """Return the flags by which values of a track are not good, and SLOW if it is slower than its sensors."""
     slow = [SLOW] if row.measures and row.measures.is_behind else []
     return ", ".join(dict.fromkeys((*(finding.code for finding in row.judging_findings), *slow)))
 
@@ -97,7 +97,7 @@ def _with_reason(cells: Sequence[str], row: ResultRow) -> list[str]:
 def _measure_cells(row: ResultRow, is_whole: bool) -> list[str]:
     """Return prediction [%], NIS, time to settle of the first parameter [s] and cost of a sample [us]."""
     if (measures := row.measures) is None:
-        return [""] * (_ALL_MEASURES if is_whole else _MEASURES)
+        return [""] * (_WHOLE_MEASURE_COUNT if is_whole else _MEASURE_COUNT)
     comparison = measures.comparison
     settled = next(iter(comparison.settling_times.values()), math.nan)
     cost = measures.seconds_per_sample * _MICROSECONDS if measures.samples else math.nan
@@ -135,4 +135,4 @@ def _number(value: float) -> str:
     """Return a number with two digits, from 10 on as a whole number; a dash without one."""
     if not math.isfinite(value):
         return "-"
-    return f"{value:.0f}" if value >= _WHOLE_FROM else f"{value:.2g}"
+    return f"{value:.0f}" if value >= _FIRST_WHOLE else f"{value:.2g}"

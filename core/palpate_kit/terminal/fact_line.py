@@ -1,5 +1,4 @@
-"""Facts that fits take for the tip, the material and the force, in one line: a diameter that was meant is seen
-at once."""
+"""The tip, material and force that fits assume, in one line: a diameter that was entered as a radius is seen."""
 
 from __future__ import annotations
 
@@ -45,9 +44,9 @@ def run_subject(pipeline: Pipeline, result: Result) -> str:
 
 
 def command_again(pipeline: Pipeline, result: Result) -> str:
-    """Return the command that estimates again from what a run recorded, or from the log that it read; nothing moves.
+    """Return the command that repeats the estimates of a run from its record, or from the log that it read.
 
-    It takes the options that state facts.
+    No arm moves; the command takes the options that state facts.
     """
     from_record = is_live(pipeline.devices) or pipeline.sinks
     command, source = ("replay", result.folder) if from_record else ("run", result.folder / PIPELINE)
@@ -55,24 +54,26 @@ def command_again(pipeline: Pipeline, result: Result) -> str:
 
 
 def columns_line(pipeline: Pipeline) -> str:
-    """Return which numbers of a log are taken for force and height, and which way they count; empty without any.
+    """Return the names of the force and the height of a log, and the ways in which they count; empty without any.
 
     As in 'force "Fz (N)", height "z_mm", downwards'.
     """
-    alignment, texts = pipeline.alignment, list[str]()
-    for role, signal, reverse in (
+    alignment = pipeline.alignment
+    texts = list[str]()
+    for role, signal, reversed_text in (
         ("force", alignment.force, ", negative under compression"),
         ("height", alignment.position, ", downwards"),
     ):
         if (name := _name_in_log(pipeline, signal.channel)) is not None:
-            texts.append(f"{role} {name}{reverse if signal.sign < 0 else ''}")
+            texts.append(f"{role} {name}{reversed_text if signal.sign < 0 else ''}")
     return ", ".join(texts)
 
 
 def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
     """Return the column or the field of a channel as its log names it; None for a device that names none."""
     device_name, _, path = channel.partition(".")
-    device, key = pipeline.devices.get(device_name), path.rpartition(".")[2]
+    device = pipeline.devices.get(device_name)
+    key = path.rpartition(".")[2]
     column = getattr(device, "columns", {}).get(key)
     if column is not None:
         return f"column {column.column}" if isinstance(column.column, int) else f'"{printable(column.column)}"'
@@ -83,24 +84,29 @@ def _name_in_log(pipeline: Pipeline, channel: str) -> str | None:
 def facts_in_words(pipelines: Counted, limit: str = "") -> dict[str, str]:
     """Return words for the tip, where the model has one, the model and the force of the first track of pipelines.
 
-    `limit` says where a stated half-space holds.
+    `limit` is the thickness above which a stated half-space holds, as in "above 330 mm thick".
     """
     phrases_of_pipelines = [(_phrases(pipeline, limit), count) for pipeline, count in pipelines]
     return {
-        key: _merged([(phrases[key], count) for phrases, count in phrases_of_pipelines if key in phrases])
+        key: _merged_text([(phrases[key], count) for phrases, count in phrases_of_pipelines if key in phrases])
         for key in ("tip", "model", "force")
         if any(key in phrases for phrases, _ in phrases_of_pipelines)
     }
 
 
 def _phrases(pipeline: Pipeline, limit: str) -> dict[str, Phrase]:
+    """Return the phrases on the tip, the model and the force of the first track of a pipeline."""
     model = pipeline.tracks[0].model
     tip = getattr(model, "indenter", None)
     phrases = {"tip": tip_phrase(tip, pipeline.registry)} if isinstance(tip, Indenter) else {}
-    return {**phrases, "model": _joined(_model(model, pipeline, limit)), "force": _joined(_force(pipeline.alignment))}
+    return {
+        **phrases,
+        "model": _joined(_model_phrases(model, pipeline, limit)),
+        "force": _joined(_force_phrases(pipeline.alignment)),
+    }
 
 
-def _merged(counted: Iterable[tuple[Phrase, int]]) -> str:
+def _merged_text(counted: Iterable[tuple[Phrase, int]]) -> str:
     """Return phrases of many curves as one text; with the number of curves where they differ by more than numbers."""
     groups = merged_phrases(counted)
     texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
@@ -110,26 +116,28 @@ def _merged(counted: Iterable[tuple[Phrase, int]]) -> str:
 
 
 def _joined(phrases: Iterable[Phrase]) -> Phrase:
+    """Return phrases as one, separated by commas."""
     return tuple(part for phrase in phrases for part in (", ", *phrase))[1:]
 
 
-def tip_words(tip: Indenter, known: Registry) -> str:
+def tip_words(tip: Indenter, registry: Registry) -> str:
     """Return a tip by its kind and numbers, as in "sphere, radius 6 mm (diameter 12 mm)"."""
-    return phrase_text([tip_phrase(tip, known)], quantity_text)
+    return phrase_text([tip_phrase(tip, registry)], quantity_text)
 
 
-def tip_phrase(tip: Indenter, known: Registry) -> Phrase:
+def tip_phrase(tip: Indenter, registry: Registry) -> Phrase:
     """Return a tip by its kind and numbers."""
-    phrase: list[str | Quantity] = [known.name_of(type(tip))]
+    phrase: list[str | Quantity] = [registry.name_of(type(tip))]
     for path, value, unit in numbers_of(tip):
         phrase += [f", {' '.join(path).replace('_', ' ')} ", Quantity(value, unit)]
         phrase += [" (diameter ", Quantity(2 * value, unit), ")"] if path == ("radius",) else []
     return tuple(phrase)
 
 
-def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phrase]:
+def _model_phrases(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phrase]:
     """Yield the phrases of a model: its name, Poisson's ratio, thickness and base, inclination."""
     name = pipeline.registry.name_of(type(model))
+    # A name of several parts is abbreviated: dimensionality-reduction is dr.
     yield ("".join(part[0] for part in name.split("-")) if "-" in name else name,)
     if isinstance(nu := getattr(model, "poisson", None), float):
         yield "nu ", Quantity(nu)
@@ -144,18 +152,20 @@ def _model(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phra
         yield "inclined by ", Quantity(inclination, "rad")
 
 
-def _force(alignment: AlignmentSettings) -> Iterator[Phrase]:
+def _force_phrases(alignment: AlignmentSettings) -> Iterator[Phrase]:
     """Yield the phrases of the force: its zero, delay, mass, beam and mount."""
     tare = alignment.tare
     if isinstance(tare, str):
         yield (_TARES[tare],)
     else:
         std = alignment.zero_uncertainty
-        doubt = (" ± ", Quantity(std, digits=2)) if std else ()
-        yield ("zero of the force ", Quantity(tare), *doubt, " N") if tare or std else ("force zeroed before contact",)
+        uncertainty = (" ± ", Quantity(std, digits=2)) if std else ()
+        is_stated = tare or std
+        zero = ("zero of the force ", Quantity(tare), *uncertainty, " N")
+        yield zero if is_stated else ("force zeroed before contact",)
     if alignment.timing_uncertainty is not None:
-        late = alignment.force.delay - alignment.position.delay
-        yield Quantity(1e3 * late), " ± ", Quantity(1e3 * alignment.timing_uncertainty, digits=2), " ms late"
+        delay = alignment.force.delay - alignment.position.delay  # [s]
+        yield Quantity(1e3 * delay), " ± ", Quantity(1e3 * alignment.timing_uncertainty, digits=2), " ms late"
     if alignment.tip_mass is not None:
         yield Quantity(alignment.tip_mass, "kg"), " behind the sensor"
     if alignment.beam is not None:

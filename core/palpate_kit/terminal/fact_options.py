@@ -16,14 +16,14 @@ _PANEL = "Facts of rig and specimen"
 
 
 def with_facts(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with an option for each fact, which is one more of its `overrides`; and --rig for a file of
-    them."""
+    """Return a command with an option for each fact, and --rig for a file of facts; both become `overrides`."""
     signature = inspect.signature(command, eval_str=True)
     names = [
         name
         for name in RigFacts.model_fields
         if name not in (*NO_SETTINGS, *signature.parameters) or name == "position"
     ]
+    # The parameters by which typer shows the options; a fact whose option the command itself has gets none.
     parameters = {f"fact_{name}": _option(name) for name in names}
     rig = Annotated[
         Path | None,
@@ -33,6 +33,7 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_options(*arguments: Any, **options: Any) -> None:
+        """Call the command with the facts as assignments among its overrides."""
         options_of_facts = {name: options.pop(f"fact_{name}", None) for name in names}
         stated = [f"rig.{name}={json.dumps(text)}" for name, text in options_of_facts.items() if text is not None]
         rig = options.pop("rig", None)
@@ -50,9 +51,10 @@ def with_facts(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _option(name: str) -> inspect.Parameter:
-    described = RigFacts.model_fields[name].description or ""
+    """Return the option of a fact, with the description of its key as help."""
+    description = RigFacts.model_fields[name].description or ""
     option = typer.Option(
-        option_of(name), metavar="TEXT", help=f"{described[:1].upper()}{described[1:]}.", rich_help_panel=_PANEL
+        option_of(name), metavar="TEXT", help=f"{description[:1].upper()}{description[1:]}.", rich_help_panel=_PANEL
     )
     keyword_only = inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(f"fact_{name}", keyword_only, default=None, annotation=Annotated[str | None, option])

@@ -24,33 +24,36 @@ def motion_numbers(table: Mapping[str, Any]) -> dict[str, float]:
 
 def motion_text(motions: Sequence[Numbers]) -> str:
     """Return kind, rate and depths of the motions of some records, by their ranges; empty without any."""
-    shown = [motion for motion in motions if "deepest" in motion]
-    if not shown:
+    known_motions = [motion for motion in motions if "deepest" in motion]
+    if not known_motions:
         return ""
-    groups = merged_phrases((_rate(motion), 1) for motion in shown)
+    groups = merged_phrases((_rate_phrase(motion), 1) for motion in known_motions)
     texts = [phrase_text(phrases, quantity_text) for phrases, _ in groups]
     if len(groups) > 1:
         texts = [f"{text} ({curve_count(count)})" for text, (_, count) in zip(texts, groups, strict=True)]
-    depths = _interval(min(motion["shallowest"] for motion in shown), max(motion["deepest"] for motion in shown))
+    shallowest = min(motion["shallowest"] for motion in known_motions)
+    deepest = max(motion["deepest"] for motion in known_motions)
+    depths = _interval_text(shallowest, deepest)
     return f"{' or '.join(texts)}, {depths} deep"
 
 
 def layer_limit(motions: Sequence[Numbers]) -> str:
-    """Return the thickness above which a stated half-space holds for every record; empty where none is stated.
+    """Return the thickness above which a stated half-space holds for every record; empty if none is stated.
 
     Above it a bonded layer moves the elasticity of no record by more than its uncertainty.
     """
     limits = [motion["half_space_from"] for motion in motions if "half_space_from" in motion]
-    return f"above {_length(max(limits))} thick" if limits else ""
+    return f"above {_length_text(max(limits))} thick" if limits else ""
 
 
 def measured_text(motions: Sequence[Numbers]) -> str:
-    """Return the motions, and where a stated half-space holds."""
+    """Return the motions, and the thickness above which a stated half-space holds."""
     limit = layer_limit(motions)
     return "; ".join(filter(None, [motion_text(motions), f"half-space: {limit}" if limit else ""]))
 
 
-def _rate(motion: Numbers) -> Phrase:
+def _rate_phrase(motion: Numbers) -> Phrase:
+    """Return the frequency of an oscillation, the speed of a press, or "in contact" without either."""
     if "frequency" in motion:
         return (_rounded(motion["frequency"], "Hz"),)
     return ("press ", _rounded(motion["speed"], "m/s")) if "speed" in motion else ("in contact",)
@@ -61,16 +64,17 @@ def _rounded(value: float, unit: str) -> Quantity:
     return Quantity(float(f"{value:.2g}"), unit)
 
 
-def _length(length: float) -> str:
+def _length_text(length: float) -> str:
+    """Return a length [m] to two digits, with its unit."""
     return quantity_text(_rounded(length, "m"))
 
 
-def _interval(low: float, high: float) -> str:
-    """Return two lengths [m] with one unit where they share it.
+def _interval_text(low: float, high: float) -> str:
+    """Return two lengths [m], with one unit if they share it.
 
-    >>> _interval(2.2e-3, 4.31e-3), _interval(0.0, 2e-6), _interval(5e-5, 1e-3)
+    >>> _interval_text(2.2e-3, 4.31e-3), _interval_text(0.0, 2e-6), _interval_text(5e-5, 1e-3)
     ('2.2 to 4.3 mm', '0 to 2 um', '50 um to 1 mm')
     """
-    low_text, high_text = _length(low), _length(high)
+    low_text, high_text = _length_text(low), _length_text(high)
     number, _, unit = low_text.partition(" ")
     return f"{number if not low or unit == high_text.partition(' ')[2] else low_text} to {high_text}"

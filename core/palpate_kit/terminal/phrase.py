@@ -1,4 +1,4 @@
-"""A phrase with quantities in it, said once of many curves: where only its numbers differ, by their range."""
+"""A phrase with quantities: phrases of many curves that differ in their numbers alone become one, with ranges."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-_SHOWN = {
-    "kg": ("g", 1e3),
-    "s": ("ms", 1e3),
-    "rad": ("deg", math.degrees(1.0)),
-}  # units with their factors
+# Display units with their factors, by SI unit.
+_DISPLAY_UNITS = {"kg": ("g", 1e3), "s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0))}
+_SMALL_LENGTH, _SMALL_SPEED = 1e-4, 1e-5  # [m], [m/s] below which they are written with um: a choice
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,9 @@ def merged_phrases(counted: Iterable[tuple[Phrase, int]]) -> list[tuple[list[Phr
     """Return phrases in groups that differ in their numbers only, each with its number of curves, the most first."""
     groups: dict[tuple[str, ...], tuple[list[Phrase], list[int]]] = {}
     for phrase, count in counted:
-        words = tuple(part if isinstance(part, str) else f"\0{part.unit}" for part in phrase)
-        phrases, counts = groups.setdefault(words, ([], []))
+        # The phrase without its numbers, whose units stand behind a character that no text has.
+        pattern = tuple(part if isinstance(part, str) else f"\0{part.unit}" for part in phrase)
+        phrases, counts = groups.setdefault(pattern, ([], []))
         phrases.append(phrase)
         counts.append(count)
     return sorted(((phrases, sum(counts)) for phrases, counts in groups.values()), key=lambda group: -group[1])
@@ -63,12 +62,11 @@ def curve_count(count: int) -> str:
 
 
 def quantity_text(quantity: Quantity) -> str:
-    """Return a length or a speed with mm or um, a mass in g, a time in ms, an angle in degrees, others in their SI
-    unit."""
+    """Return a length or a speed with mm or um, a mass in g, a time in ms, an angle in degrees, others in SI units."""
     value, unit = quantity.value, quantity.unit
     if unit in ("m", "m/s"):
-        is_small = 0 < abs(value) < (1e-4 if unit == "m" else 1e-5)
+        is_small = 0 < abs(value) < (_SMALL_LENGTH if unit == "m" else _SMALL_SPEED)
         unit, factor = (f"u{unit}", 1e6) if is_small else (f"m{unit}", 1e3)
     else:
-        unit, factor = _SHOWN.get(unit, (unit, 1.0))
+        unit, factor = _DISPLAY_UNITS.get(unit, (unit, 1.0))
     return f"{value * factor:.{quantity.digits}g}" + ("" if unit == "1" else f" {unit}")

@@ -6,10 +6,10 @@ import math
 
 from palpate_engine import display_unit
 
-_LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power: a choice
-_MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
+_LARGE_POWER, _SMALL_POWER = 6, -4  # of ten, from and below which a number is written with its power: a choice
+_MAX_STD_RATIO = 1e3  # of an uncertainty to its value; beyond, both are written with their own powers: a choice
 FIXED = " (fixed)"
-_ROUNDING = 1e-12  # of a value; less is not an uncertainty
+_ROUNDING = 1e-12  # of a value, below which an uncertainty is one of rounding
 
 
 def value_with_uncertainty(value: float, std: float) -> str:
@@ -28,12 +28,12 @@ def value_with_uncertainty(value: float, std: float) -> str:
         return f"{unsigned(f'{value:.4g}')} ± ?"
     if not (math.isfinite(std) and std > _ROUNDING * abs(value)):
         return unsigned(f"{value:.4g}")
-    size = math.floor(math.log10(max(abs(value), std)))
-    if std > _MANY * abs(value) and size >= _LARGE:
+    power = math.floor(math.log10(max(abs(value), std)))
+    if std > _MAX_STD_RATIO * abs(value) and power >= _LARGE_POWER:
         return f"{unsigned(f'{value:.2g}')} ± {std:.2g}"
-    if size >= _LARGE or size < _SMALL:
-        return f"({_plain(value / 10.0**size, std / 10.0**size)})e{size}"
-    return _plain(value, std)
+    if power >= _LARGE_POWER or power < _SMALL_POWER:
+        return f"({_plain_text(value / 10.0**power, std / 10.0**power)})e{power}"
+    return _plain_text(value, std)
 
 
 def value_or_fixed(value: float, std: float) -> str:
@@ -50,7 +50,7 @@ def is_fixed(value: float, std: float | None) -> bool:
     return std == 0.0 and math.isfinite(value)
 
 
-def _plain(value: float, std: float) -> str:
+def _plain_text(value: float, std: float) -> str:
     """Return both to two digits of the uncertainty, but whole below a thousand."""
     digits = 1 - math.floor(math.log10(std))
     if digits < -1:

@@ -1,4 +1,4 @@
-"""What people see of a result."""
+"""The views of a result for a terminal: values, sections of plugins, findings, open facts."""
 
 from __future__ import annotations
 
@@ -24,46 +24,52 @@ from palpate_kit.terminal.result_screen import (
 from palpate_kit.terminal.result_table import ResultTable, TableValue, result_table
 from palpate_kit.terminal.table import Table as Cells
 
-_MILLINEWTON = 1e-3  # [N]
-_ALONG = "range and mean along the path of the tip; by place: palpate map {folder}"
+_MIN_DECIMAL_FORCE = 1e-3  # [N], from which on three decimals show a residual
+_PATH_LEGEND = "range and mean along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
 def result_views(pipeline: Pipeline, result: Result, details: bool) -> Iterator[RenderableType]:
-    """Yield the values of each track with their verdicts, sections, findings and open facts of a run; a view each.
+    """Yield views of a run: the values of each track with their verdicts, then sections, findings and open facts.
 
     With `details` every column, section and flag.
     """
     from rich.text import Text
 
-    table, names = result_table(result), list(_units(result))
+    table = result_table(result)
+    names = list(_units(result))
+    is_screen = layout() == "table"
     sections = pipeline.registry.report_sections
-    shown = {name: section for name, section in sections.items() if details or not section.detail}
-    if layout() == "table":
+    if not details:
+        sections = {name: section for name, section in sections.items() if not section.detail}
+    if is_screen:
         yield Text(title_line(result.run["name"]))
         yield from map(Text, filled(run_subject(pipeline, result)))
     if details:
         yield _every_number(result)
     elif not result.tracks:
-        yield _streams(result).view()
-    elif len(table.rows) == 1 and layout() == "table":
+        yield _stream_table(result).view()
+    elif len(table.rows) == 1 and is_screen:
         yield from value_lines(table.rows[0], result.truth, names)
     else:
         yield comparison_table(table).view()
-        yield from map(Text, lines_below(table) if layout() == "table" else ())
-    if any(map(_swept, result.tracks.values())):
-        yield Text(_ALONG.format(folder=result.folder))
-    yield from _more(result, shown)
-    yield from _derived(result)
-    yield from _flags(result) if details else map(coloured, _lines_below(table, command_again(pipeline, result)))
+        yield from map(Text, lines_below(table) if is_screen else ())
+    if any(map(_has_places, result.tracks.values())):
+        yield Text(_PATH_LEGEND.format(folder=result.folder))
+    yield from _section_views(result, sections)
+    yield from _derived_views(result)
+    if details:
+        yield from _flag_views(result)
+    else:
+        yield from map(coloured, _lines_below(table, command_again(pipeline, result)))
 
 
 def _lines_below(table: ResultTable, command: str) -> Iterator[str]:
-    """Yield findings, notes on the record and open facts; of several tracks how many have which word.
+    """Yield findings, notes on the record and open facts; of several tracks also the counts of their verdicts.
 
-    `command` estimates again, with the facts that its options state.
+    `command` repeats the estimates, and takes options that state facts.
     """
     yield from finding_lines(table, command)
     yield from fact_lines(table, command)
@@ -72,43 +78,38 @@ def _lines_below(table: ResultTable, command: str) -> Iterator[str]:
 
 
 def _units(result: Result) -> dict[str, str]:
-    """SI units of all parameters by name."""
-    return {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
+    """Return the SI units of all parameters by name."""
+    return {name: value.unit for track in result.tracks.values() for name, value in track.parameters.items()}
 
 
-def _streams(result: Result) -> Cells:
-    """What a run without tracks recorded."""
-    rows = [
-        [
-            name,
-            str(stream["samples"]),
-            "" if stream.get("rate") is None else f"{stream['rate']:.1f}",
-            str(stream["gaps"]),
-        ]
-        for name, stream in result.streams.items()
-    ]
+def _stream_table(result: Result) -> Cells:
+    """Return the streams of a run without tracks: readings, rate and gaps."""
+    rows = []
+    for name, stream in result.streams.items():
+        rate = "" if stream.get("rate") is None else f"{stream['rate']:.1f}"
+        rows.append([name, str(stream["samples"]), rate, str(stream["gaps"])])
     return Cells.of(result.run["name"], ["stream", "readings", "rate\nHz", "gaps"], rows, ["stream"])
 
 
-def _flags(result: Result) -> Iterator[RenderableType]:
+def _flag_views(result: Result) -> Iterator[RenderableType]:
     """Yield every open fact and every flag with its remedy."""
     from rich.text import Text
 
-    facts = [f"{text}\n    -> {words}" for text, words in open_facts(result.tracks.values()).items()]
+    facts = [f"{text}\n    -> {remedy}" for text, remedy in open_facts(result.tracks.values()).items()]
     assumed = ["not in the ±, since nobody stated it:\n  " + "\n  ".join(facts)] if facts else []
     lines = [Text(line, style="yellow") for line in (*assumed, *flag_lines(result.flags, result.tracks))]
     yield from [Text("flags" if lines else "no flags"), *lines]
 
 
 def open_facts(tracks: Iterable[TrackResult]) -> dict[str, str]:
-    """Return the words that state each open fact, by what is assumed and the effect of its alternative; each fact
-    once."""
-    said: dict[str, tuple[str, str]] = {}
+    """Return the remedy of each open fact, by the sentence on its assumption and its effect; each fact once."""
+    sentences_and_remedies: dict[str, tuple[str, str]] = {}  # by fact
     for track in tracks:
         values = {**track.parameters, **{value.name: value.found for value in track.derived}}
-        for one in track.conditions:
-            said.setdefault(one.fact, (one.sentence(values), one.remedy))
-    return dict(said.values())
+        for condition in track.conditions:
+            sentence = condition.sentence(values)
+            sentences_and_remedies.setdefault(condition.fact, (sentence, condition.remedy))
+    return dict(sentences_and_remedies.values())
 
 
 def _every_number(result: Result) -> RenderableType:
@@ -123,21 +124,20 @@ def _every_number(result: Result) -> RenderableType:
     for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
         table.add_column(heading, justify="right")
     for label, track in result.tracks.items():
-        table.add_row(label, *_cells(track, list(units)))
+        table.add_row(label, *_track_cells(track, list(units)))
     if result.truth:
-        known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
-        surface = _scaled(result.truth.get("surface", math.nan), "m")
-        table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
+        true_values = [_true_number(result.truth, name, unit) for name, unit in units.items()]
+        table.add_row("truth", *true_values, "", _true_number(result.truth, "surface", "m"), "", "", style="dim")
     return table
 
 
 def _residual(force: float) -> str:
-    """In mN, or with two digits where that shows nothing."""
-    return f"{force:.3f}" if not 0 < force < _MILLINEWTON else f"{force:.2g}"
+    """Return a force [N] with three decimals, or with two digits where three decimals would show zero."""
+    return f"{force:.3f}" if not 0 < force < _MIN_DECIMAL_FORCE else f"{force:.2g}"
 
 
-def _derived(result: Result) -> list[RenderableType]:
-    """Elasticity and viscosity that follow from other parameters, with their conditions."""
+def _derived_views(result: Result) -> list[RenderableType]:
+    """Return the elasticity and viscosity that follow from other parameters, with their conditions."""
     from rich.text import Text
 
     lines = [
@@ -149,66 +149,69 @@ def _derived(result: Result) -> list[RenderableType]:
     return [Text("derived"), *lines] if lines else []
 
 
-def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[RenderableType]:
-    """What plugins have to show of a result, in the order that they ask for."""
+def _section_views(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[RenderableType]:
+    """Yield the sections of plugins in their order; one that fails is replaced by its error."""
     from rich.text import Text
 
     for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
             parts = list(function_of(section)(result))
-        except Exception as error:  # whatever a third-party function raises
+        except Exception as error:  # a third-party function may raise anything
             parts = [f"the section {name!r} could not be made: {type(error).__name__}: {error}"]
-        for shown in parts:
-            yield shown.view() if isinstance(shown, Cells) else Text(str(shown))
+        for part in parts:
+            yield part.view() if isinstance(part, Cells) else Text(str(part))
 
 
 def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> Iterator[str]:
-    """Yield every flag of the record and of each track, the worst first; one that several tracks share is said once.
+    """Yield every flag of the record, then every flag of the tracks; one that several tracks share once.
 
-    Each is followed by what to do; notes are not.
+    Each is followed by its remedy, unless it is a note.
     """
-    yield from _lines({"every track": of_record})
-    yield from _lines({label: track.flags for label, track in tracks.items()})
+    yield from _shared_flag_lines({"every track": of_record})
+    yield from _shared_flag_lines({label: track.flags for label, track in tracks.items()})
 
 
-def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
-    shared: dict[str, dict[str, Flag]] = {}
-    for label, every in flags.items():
-        for flag in every:
-            shared.setdefault(flag.code, {})[label] = flag
-    for concerned in shared.values():
-        flag = next(iter(concerned.values()))
-        of_first = f" ({next(iter(concerned))})" if len(set(concerned.values())) > 1 else ""
-        yield f"  {', '.join(concerned)}: {flag}{of_first}"
+def _shared_flag_lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
+    """Yield each code of a flag with the labels that have it, and the message of the first of them."""
+    labels_by_code: dict[str, dict[str, Flag]] = {}
+    for label, flags_of_label in flags.items():
+        for flag in flags_of_label:
+            labels_by_code.setdefault(flag.code, {})[label] = flag
+    for flag_by_label in labels_by_code.values():
+        first_label, flag = next(iter(flag_by_label.items()))
+        differs = len(set(flag_by_label.values())) > 1
+        yield f"  {', '.join(flag_by_label)}: {flag}{f' ({first_label})' if differs else ''}"
         if flag.severity != "note" and flag.remedy:
             yield f"    -> {flag.remedy}"
 
 
-def _swept(track: TrackResult) -> bool:
-    return any(found.places for found in track.parameters.values())
+def _has_places(track: TrackResult) -> bool:
+    """Return True for a track along a path, whose values differ from place to place."""
+    return any(value.places for value in track.parameters.values())
 
 
-def _scaled(value: float, unit: str) -> float:
-    return value * display_unit(unit)[1]
+def _true_number(truth: Mapping[str, float], name: str, unit: str) -> str:
+    """Return the true value of a simulated rig in the unit that is shown; empty without one."""
+    number = truth.get(name, math.nan) * display_unit(unit)[1]
+    return round_number(number) if math.isfinite(number) else ""
 
 
-def _plain(value: float) -> str:
-    return round_number(value) if math.isfinite(value) else ""
+def _value_cell(name: str, value: UncertainValue) -> str:
+    """Return the number of a value with its verdict."""
+    table_value = TableValue.of(name, value)
+    return " ".join(filter(None, ("\n".join(table_value.number_lines), table_value.word)))
 
 
-def _shown(name: str, value: UncertainValue) -> str:
-    shown = TableValue.of(name, value)
-    return " ".join(filter(None, ("\n".join(shown.number_lines), shown.word)))
-
-
-def _cells(track: TrackResult, names: list[str]) -> list[str]:
+def _track_cells(track: TrackResult, names: list[str]) -> list[str]:
+    """Return the cells of the named values, eta/G [ms], surface [mm], residual [N] and NIS of a track."""
     if not track.usable:
         reason = next((flag.code for flag in track.flags if flag.severity == "invalid"), "invalid")
         return [*([reason.replace("-", " ")] * len(names)), "", "", "", ""]
-    cells = [_shown(name, track.parameters[name]) if name in track.parameters else "" for name in names]
-    if _swept(track):  # delay and surface are of one place
-        return [*cells, "", "", _residual(track.force_rms), f"{track.nis:.2f}"]
-    every = [*track.parameters.values(), *(value.found for value in track.derived)]
-    delays = [found.per_shear for found in every if found.per_shear is not None]
+    cells = [_value_cell(name, track.parameters[name]) if name in track.parameters else "" for name in names]
+    residual, nis = _residual(track.force_rms), f"{track.nis:.2f}"
+    if _has_places(track):  # along a path, delay and surface would be those of a single place
+        return [*cells, "", "", residual, nis]
+    values = [*track.parameters.values(), *(value.found for value in track.derived)]
+    delays = [value.per_shear for value in values if value.per_shear is not None]  # [s]
     delay = f"{delays[0] * 1e3:.2f}" if delays else ""
-    return [*cells, delay, _shown("surface", track.surface), _residual(track.force_rms), f"{track.nis:.2f}"]
+    return [*cells, delay, _value_cell("surface", track.surface), residual, nis]

@@ -10,15 +10,19 @@ from palpate_engine import Result, TrackResult, display_unit
 
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
+_MIN_MILLIMETRES = 1e-4  # [m], depth from which on depths are written in mm, else in um: a choice
+
 
 def stiffness_lines(result: Result) -> list[str]:
-    """Return a line for each model whose law a press does not follow to its noise."""
+    """Return a line for each model whose law the record of a press does not follow to its noise."""
     lines = dict[str, str]()
+    has_several_models = len({track.model for track in result.tracks.values()}) > 1
     for track in result.tracks.values():
         table = track.diagnoses.get("stiffness-over-depth")
-        if table and "reasons" in track.diagnoses.get("model-discrepancy", {}):  # of a misfit
-            several = len({other.model for other in result.tracks.values()}) > 1
-            lines.setdefault(track.model, f"{track.model}: " * several + stiffness_text(track, table))
+        has_misfit = "reasons" in track.diagnoses.get("model-discrepancy", {})
+        if table and has_misfit:
+            prefix = f"{track.model}: " if has_several_models else ""
+            lines.setdefault(track.model, prefix + stiffness_text(track, table))
     return list(lines.values())
 
 
@@ -27,7 +31,7 @@ def stiffness_text(track: TrackResult, table: Mapping[str, Any]) -> str:
     unit, factor = display_unit(track.parameters[table["parameter"]].unit)
     pairs = zip(table["values"], table["std"], strict=True)
     values = ", ".join(value_with_uncertainty(factor * value, factor * std) for value, std in pairs)
-    length, scale = ("mm", 1e3) if table["depth"][-1] >= 1e-4 else ("um", 1e6)
+    length_unit, scale = ("mm", 1e3) if table["depth"][-1] >= _MIN_MILLIMETRES else ("um", 1e6)
     edges = [f"{scale * edge:.2g}" for edge in table["depth"]]
     stretches = ", ".join(f"{low}-{high}" for low, high in pairwise(edges))
-    return f"{table['parameter']} {values} {unit} over {stretches} {length}"
+    return f"{table['parameter']} {values} {unit} over {stretches} {length_unit}"

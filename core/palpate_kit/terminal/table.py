@@ -1,4 +1,4 @@
-"""What people see: a console, and tables of cells for a terminal, a report or a file."""
+"""Tables of cells for a terminal, a report or a file, and the console that prints them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from palpate_kit.terminal.layout import layout, tables_in, text_of
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-_SCREEN = 40  # rows that are printed of a long table: a choice
-_BLOCKS = 10  # rows that are printed as blocks where a table is too wide
+_MAX_SCREEN_ROWS = 40  # that are printed of a long table: a choice
+_MAX_BLOCKS = 10  # rows of a table too wide for the terminal that are printed as blocks of lines: a choice
+_UNLIMITED_WIDTH = 10_000  # [columns] beyond any table
 
 
 _STYLES = {"good": "green", "doubtful": "yellow", "invalid": "red", "not determined": "yellow"}
@@ -51,8 +52,8 @@ class Table:
         if self.is_plain:
             view = View(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for heading in self.headings:
-            text = heading in self.left
-            view.add_column(Text(heading), justify="left" if text else "right", no_wrap=text)
+            is_text = heading in self.left
+            view.add_column(Text(heading), justify="left" if is_text else "right", no_wrap=is_text)
         view.__dict__["spare"] = self.spare
         for row in self.rows:
             view.add_row(*(Text(cell, style=verdict_style(cell)) for cell in row))
@@ -60,13 +61,11 @@ class Table:
 
 
 def shortened(table: Table, whole: bool = False) -> RenderableType:
-    """Return the view of a table whose first rows fill a screen, and how many more there are; all of it as CSV and
-    LaTeX."""
-    more = len(table.rows) - _SCREEN
-    if whole or more <= 0 or layout() != "table":
+    """Return the view of the first rows of a long table, whose title says so; of the whole one as CSV and LaTeX."""
+    if whole or len(table.rows) <= _MAX_SCREEN_ROWS or layout() != "table":
         return table.view()
-    title = f"{table.title}: {_SCREEN} of {len(table.rows)} rows, all with --format csv"
-    return replace(table, title=title, rows=table.rows[:_SCREEN]).view()
+    title = f"{table.title}: {_MAX_SCREEN_ROWS} of {len(table.rows)} rows, all with --format csv"
+    return replace(table, title=title, rows=table.rows[:_MAX_SCREEN_ROWS]).view()
 
 
 def console(width: int = 80) -> Console:
@@ -78,10 +77,10 @@ def console(width: int = 80) -> Console:
     from rich.console import Console
 
     class WholeTables(Console):
-        """Prints tables whole; in another format all that is not a table goes to standard error."""
+        """A console that prints tables whole; in another format, whatever is not a table goes to standard error."""
 
         def print(self, *objects: Any, **options: Any) -> None:
-            """As rich does, but for tables that do not fit."""
+            """Print objects as rich does; a table that does not fit is printed row by row."""
             if (form := layout()) != "table":
                 for item in objects:
                     tables = list(tables_in(item))
@@ -92,12 +91,13 @@ def console(width: int = 80) -> Console:
             super().print(*(_fitting(item, self) for item in objects), **options)
 
     console_of_terminal = WholeTables(markup=False, emoji=False)
-    return (
-        console_of_terminal if console_of_terminal.is_terminal else WholeTables(width=width, markup=False, emoji=False)
-    )
+    if console_of_terminal.is_terminal:
+        return console_of_terminal
+    return WholeTables(width=width, markup=False, emoji=False)
 
 
 def _fitting(shown: Any, console: Console) -> Any:
+    """Return a table without its spare columns, or row by row, where it is too wide; anything else as it is."""
     from rich.console import Group
     from rich.table import Table as View
 
@@ -116,19 +116,17 @@ def _fitting(shown: Any, console: Console) -> Any:
 def _set_widths(table: Any, console: Console) -> bool:
     """Make a table as narrow as the console without cutting a number or a word; return True if that is possible.
 
-    Rich, left to itself, shortens the widest columns beyond what their cells need.
+    Rich by itself makes the widest columns narrower than their words.
     """
     from rich.measure import Measurement
 
     for column in table.columns:
         column.width = None
-    full_width = Measurement.get(console, console.options.update(width=10_000), table).maximum
+    full_width = Measurement.get(console, console.options.update(width=_UNLIMITED_WIDTH), table).maximum
     widths = [_widths(column) for column in table.columns]
-    room = (
-        console.width
-        - (full_width - sum(widest for _, widest in widths))
-        - sum(least_width for least_width, _ in widths)
-    )
+    # The room that remains if each column has its least width, next to what is between the columns.
+    spacing = full_width - sum(widest for _, widest in widths)
+    room = console.width - spacing - sum(least_width for least_width, _ in widths)
     if room < 0:
         return False
     if full_width > console.width:
@@ -139,18 +137,21 @@ def _set_widths(table: Any, console: Console) -> bool:
 
 
 def _widths(column: Any) -> tuple[int, int]:
-    """Return the least width of a column, and the one without a line break: headings and texts are broken between
-    words."""
+    """Return the least width of a column, whose texts are broken between words, and its width without a break."""
     from rich.cells import cell_len
 
-    heading, cells = _plain(column.header), [_plain(cell) for cell in column.cells]
-    whole = column.no_wrap or column.justify == "right"
-    parts = [*heading.split(), *(part for cell in cells for part in (cell.splitlines() if whole else cell.split()))]
+    heading = _plain(column.header)
+    cells = [_plain(cell) for cell in column.cells]
+    is_unbroken = column.no_wrap or column.justify == "right"
+    parts = heading.split()
+    for cell in cells:
+        parts += cell.splitlines() if is_unbroken else cell.split()
     lines = [line for text in (heading, *cells) for line in text.splitlines()]
     return max(map(cell_len, parts), default=0), max(map(cell_len, lines), default=0)
 
 
 def _plain(cell: Any) -> str:
+    """Return the text of a cell without its style."""
     return str(getattr(cell, "plain", cell))
 
 
@@ -158,14 +159,15 @@ def _row_by_row(table: Any) -> RenderableType:
     """Return a table as lines "heading: cell", one block for each row; of many rows each is one paragraph."""
     from rich.text import Text
 
-    def plain(cell: Any) -> str:
+    def one_line(cell: Any) -> str:
+        """Return the text of a cell without line breaks."""
         return " ".join(_plain(cell).split())
 
-    headings = [plain(column.header) for column in table.columns]
-    has_blocks = table.row_count <= _BLOCKS
-    lines = [plain(table.title)] if table.title else []
+    headings = [one_line(column.header) for column in table.columns]
+    has_blocks = table.row_count <= _MAX_BLOCKS
+    lines = [one_line(table.title)] if table.title else []
     for row in zip(*(list(column.cells) for column in table.columns), strict=True):
-        cells = [(heading, plain(cell)) for heading, cell in zip(headings, row, strict=True)]
+        cells = [(heading, one_line(cell)) for heading, cell in zip(headings, row, strict=True)]
         parts = [f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell]
         lines += ["", *parts] if has_blocks else ["; ".join(parts)]
     return Text("\n".join(lines))

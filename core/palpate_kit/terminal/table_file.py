@@ -13,11 +13,11 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 from palpate import ConfigurationError
 from palpate_engine import whole_file
 
-Column = Sequence[str] | Sequence[float | None]  # texts, or numbers of which some are not known
+Column = Sequence[str] | Sequence[float | None]  # texts, or numbers, None for an unknown one
 SUFFIXES = (".csv", ".parquet", ".xlsx")
 _MAX_ROWS = 1 << 20  # of a sheet, by the format (ECMA-376)
 _MAX_CHARACTERS = 32_767  # of a cell, by the format
-_ILLEGAL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
+_ILLEGAL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")  # control characters that XML excludes
 _DATED = re.compile(rb"(<dcterms:(?:created|modified)[^>]*>)[^<]*")
 
 
@@ -30,11 +30,13 @@ def demand_suffix(path: Path, option: str) -> None:
 def write_table(path: Path, columns: Mapping[str, Column]) -> None:
     """Write columns of one length; raises OutputError, and ConfigurationError without the library or for its limits."""
     with whole_file(path, binary=True) as file:
-        {".csv": _csv, ".parquet": _parquet, ".xlsx": _workbook}[path.suffix.lower()](file, path, columns)
+        {".csv": _write_csv, ".parquet": _write_parquet, ".xlsx": _write_workbook}[path.suffix.lower()](
+            file, path, columns
+        )
 
 
-def _csv(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
-    """Write the columns as CSV; what is not known is an empty cell."""
+def _write_csv(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+    """Write the columns as CSV; an unknown number is an empty cell."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -42,7 +44,7 @@ def _csv(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
     file.write(text.getvalue().encode())
 
 
-def _parquet(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+def _write_parquet(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
     """Write the columns as Parquet, texts and numbers; raises ConfigurationError without pyarrow."""
     try:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
@@ -54,7 +56,7 @@ def _parquet(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None
     pyarrow.parquet.write_table(pyarrow.table(arrays, names=list(columns)), file)
 
 
-def _workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
+def _write_workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> None:
     """Write a workbook with one sheet; its dates are replaced, so that the same table is the same file.
 
     Raises ConfigurationError without openpyxl, and for more rows than a sheet holds.
@@ -74,19 +76,19 @@ def _workbook(file: IO[bytes], path: Path, columns: Mapping[str, Column]) -> Non
     sheet.freeze_panes = "A2"
 
     def text(cell: str) -> Any:
-        """Return a text, whatever it begins with: never a formula."""
-        found: Any = WriteOnlyCell(sheet, _ILLEGAL.sub("", cell)[:_MAX_CHARACTERS])
-        found.data_type = "s"
-        return found
+        """Return a cell of type text, so that one that begins with "=" is not a formula."""
+        text_cell: Any = WriteOnlyCell(sheet, _ILLEGAL.sub("", cell)[:_MAX_CHARACTERS])
+        text_cell.data_type = "s"
+        return text_cell
 
     for row in (tuple(columns), *zip(*columns.values(), strict=True)):
         sheet.append([text(cell) if isinstance(cell, str) else cell for cell in row])
-    # openpyxl writes the time of its making into the workbook, and zipfile that of each entry.
+    # openpyxl writes its time of creation into the workbook, and zipfile that of each entry: both become 1980.
     dated = io.BytesIO()
     book.save(dated)
     with ZipFile(dated) as dated_archive, ZipFile(file, "w", ZIP_DEFLATED) as archive:
         for name in dated_archive.namelist():
-            entry = ZipInfo(name)  # of 1980
+            entry = ZipInfo(name)
             entry.compress_type = ZIP_DEFLATED
             archive.writestr(entry, _DATED.sub(rb"\g<1>1980-01-01T00:00:00Z", dated_archive.read(name)))
 
