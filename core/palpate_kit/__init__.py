@@ -1,1 +1,1 @@
-"""What several families use, below all of them: imports `palpate`, `palpate_engine` and `palpate_records` only."""
+"""Code that several families share, below all of them: imports `palpate`, `palpate_engine`, `palpate_records` only."""

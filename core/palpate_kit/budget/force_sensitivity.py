@@ -1,4 +1,4 @@
-"""The force of a model along the last samples of a track, and how it answers to everything that it is made of."""
+"""The force of a model along the last samples of a track, with its derivatives by all that it depends on."""
 
 from __future__ import annotations
 
@@ -161,8 +161,8 @@ def along(
 ) -> Along | None:
     """Return the model of a track at its values (k,) along the `last` samples; None where these determine nothing.
 
-    What is `held` fixed, by name, has no shift. The memory of a model comes from the whole `tail`. Half of the
-    diagnoses of a track ask for it: the latest is kept.
+    Parameters that are `held` fixed, by name, have no shift. The memory of a model comes from the whole `tail`. Half of
+    the diagnoses of a track need the same result: the latest is cached.
     """
     cached = _latest.get(last)
     if cached is None or cached[0] is not model or cached[2] != held or not np.array_equal(cached[1], values):
@@ -173,7 +173,7 @@ def along(
 def alternative_along(
     model: ContactModel, tail: Tail, last: Tail, values: Floats, held: frozenset[str] = frozenset()
 ) -> Along | None:
-    """Return what `along` does, of a model that only one caller asks for, and which is not kept."""
+    """Return the result of `along` for a model that only one caller needs; it is not cached."""
     if not np.isfinite(values).all():
         return None
     sensitivity = _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
@@ -181,7 +181,9 @@ def alternative_along(
 
 
 def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:
-    depth, tip_acceleration = float(last.surface.mean()) - last.position, acceleration(last.time, last.velocity)
+    """Return the sensitivity of a model without memory, by its derivatives."""
+    depth = float(last.surface.mean()) - last.position
+    tip_acceleration = acceleration(last.time, last.velocity)
     return at_samples(model, (last.time, depth, -last.velocity, tip_acceleration), values)
 
 
@@ -205,6 +207,7 @@ def at_samples(
     rows = np.ones(len(depth), bool) if air else inside
 
     def filled(column: Floats) -> Floats:
+        """Return the rows of the samples that count, zero for those in the air."""
         whole = np.zeros((len(depth), *column.shape[1:]))
         whole[inside] = column
         return np.asarray(whole[rows])
@@ -215,15 +218,15 @@ def at_samples(
     return Along(
         model,
         values,
-        filled(np.column_stack([by_parameter, by_depth])),
-        filled(force),
-        filled(change),
-        second[rows],
-        filled(by_depth * force + by_rate * change),
-        filled(by_depth * depth[inside] + by_rate * rate[inside]),
-        filled(by_rate),
-        (time, depth, rate, rows),
-        held,
+        jacobian=filled(np.column_stack([by_parameter, by_depth])),
+        force=filled(force),
+        change=filled(change),
+        acceleration=second[rows],
+        given_way=filled(by_depth * force + by_rate * change),
+        stretched=filled(by_depth * depth[inside] + by_rate * rate[inside]),
+        by_rate=filled(by_rate),
+        _motion=(time, depth, rate, rows),
+        held=held,
     )
 
 
@@ -256,21 +259,20 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
             step[i] = _STEP * (abs(value) or 1.0)
             columns.append((force(values + step) - force(values - step)) / (2 * step[i]))
         columns.append((force(values, _SURFACE_STEP) - force(values, -_SURFACE_STEP)) / (2 * _SURFACE_STEP))
-        whole = force(values)
+        whole_force = force(values)
     except ValueError:  # states that change too fast for the samples
         return None
-    jacobian, change = np.column_stack(columns)[rows], np.gradient(whole, time)[rows]
     return Along(
         model,
         values,
-        jacobian,
-        whole[rows],
-        change,
-        tip_acceleration[rows],
-        None,
-        None,
-        None,
-        (time, depth, rate, rows),
+        jacobian=np.column_stack(columns)[rows],
+        force=whole_force[rows],
+        change=np.gradient(whole_force, time)[rows],
+        acceleration=tip_acceleration[rows],
+        given_way=None,
+        stretched=None,
+        by_rate=None,
+        _motion=(time, depth, rate, rows),
     )
 
 
@@ -281,7 +283,7 @@ def number_step(value: float) -> float:
 
 def with_change(part: Any, path: tuple[str, ...], change: float) -> Any:
     """Return settings with a number among their keys changed by so much; not validated, for derivatives."""
-    name, *rest = path
+    name, *inner_path = path
     inner = getattr(part, name)
-    changed = with_change(inner, tuple(rest), change) if rest else inner + change
+    changed = with_change(inner, tuple(inner_path), change) if inner_path else inner + change
     return part.model_copy(update={name: changed})

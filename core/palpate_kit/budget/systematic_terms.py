@@ -1,4 +1,4 @@
-"""Terms of a budget after the GUM: what is declared of a record, or has a default, and its effect on each value."""
+"""Terms of a budget after the GUM: declared and default uncertainties of a record, with their effect on each value."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from palpate_engine import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_kit.budget.force_sensitivity import Along, ForceSensitivity
 from palpate_kit.budget.uncertainty_sources import UncertaintySource
 
-_WAVES = 4  # over the depth, of what a formula is off: a choice
-_COVERAGE = 2.0  # standard uncertainties in the most that it is off: a choice, 95 %
-_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared: a choice
-_FORCE_POWER = (
-    2.5  # of the cosine of an inclination t: a sphere feels (d cos t)^1.5 along the normal, and of that cos t
-)
+_WAVE_COUNT = 4  # cosines over the depth, for the error of a formula: a choice
+_COVERAGE = 2.0  # standard uncertainties in the largest error of a formula: a choice, 95 %
+_MASS_SHARE = 0.05  # of a tip's mass, its uncertainty if none is declared: a choice
+# Power of the cosine of an inclination t: a sphere feels (d cos t)^1.5 along the normal, and of that cos t.
+_FORCE_POWER = 2.5
 
 
 def systematic_terms(
@@ -47,31 +46,45 @@ def systematic_terms(
         terms.append(Term("timing", timing, "s", shifts * timing))
     if sensitivity is None:
         return terms
-    terms += [term for term in _of_readings(sensitivity, settings, report) if term.cause not in included]
+    terms += [term for term in _reading_terms(sensitivity, settings, report) if term.cause not in included]
     return [*terms, *source_terms(sensitivity, [source for source in sources if source.name not in included])]
 
 
 def source_terms(sensitivity: ForceSensitivity, sources: Sequence[UncertaintySource]) -> Iterator[Term]:
     """Yield the terms of the model's numbers and of the scales of force and height."""
     for source in sources:
-        change = _change(sensitivity, source)
+        change = _error_per_unit(sensitivity, source)
         if change is not None:
-            yield from _term(sensitivity, source.name, source.std, source.unit, change * source.std, source.declared)
+            yield from _term(
+                sensitivity,
+                cause=source.name,
+                std=source.std,
+                unit=source.unit,
+                error=change * source.std,
+                declared=source.declared,
+            )
 
 
-def _of_readings(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
+def _reading_terms(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
     """Return the terms of mass, directions, curvature, formula, tare, compliance and beam; see `systematic_terms`."""
     terms: list[Term] = []
     turned = report.turned if report is not None else None
     if settings.tip_mass is not None:
-        mass, declared = settings.tip_mass_uncertainty, settings.tip_mass_uncertainty is not None
-        std = mass if mass is not None else _MASS * settings.tip_mass
+        declared_mass_std = settings.tip_mass_uncertainty
+        std = declared_mass_std if declared_mass_std is not None else _MASS_SHARE * settings.tip_mass
         weight = weight_per_mass(settings, turned.along if turned else 0.0, turned.weight if turned else 0.0)
-        terms += _term(sensitivity, "mass", std, "kg", std * (weight - sensitivity.acceleration), declared)
+        terms += _term(
+            sensitivity,
+            cause="mass",
+            std=std,
+            unit="kg",
+            error=std * (weight - sensitivity.acceleration),
+            declared=declared_mass_std is not None,
+        )
     if report is not None:
-        terms += _of_directions(sensitivity, settings, report)
-        terms += _of_curvature(sensitivity, settings, report)
-    terms += _of_law(sensitivity)
+        terms += _direction_terms(sensitivity, settings, report)
+        terms += _curvature_terms(sensitivity, settings, report)
+    terms += _law_terms(sensitivity)
     tare = report.tare.offset_std if report is not None and report.tare else None
     if tare is not None:
         terms += _term(sensitivity, "tare", float(tare), "N", np.full(len(sensitivity.force), tare))
@@ -97,7 +110,7 @@ def weight_per_mass(settings: AlignmentSettings, along: float, weight: float) ->
     return -(along if settings.tare == "free-air" else weight) / settings.tip_mass
 
 
-def _of_directions(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+def _direction_terms(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
     """Yield the terms of the sensor's mounting and of the skin's normal, each known to an angle u.
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
@@ -107,14 +120,16 @@ def _of_directions(sensitivity: Along, settings: AlignmentSettings, report: Alig
     share = report.sideways.size if report.sideways is not None else 0.0
     turn, slope = (0.0, 0.0) if report.turned is None else (report.turned.turn, report.turned.slope)
     for name, (angle, declared) in settings.orientation_uncertainties.items():
-        tilt_error = (1.0 - math.cos(angle) ** _FORCE_POWER) * sensitivity.force
-        turning_error = (
-            angle * turn if name == "mounting" else tilt_error + angle * slope * sensitivity.by_height_scale()
-        )
-        yield from _term(sensitivity, name, angle, "rad", angle * share * sensitivity.force + turning_error, declared)
+        error: Floats = angle * share * sensitivity.force
+        if name == "mounting":
+            error = error + angle * turn
+        else:
+            tilt_error = (1.0 - math.cos(angle) ** _FORCE_POWER) * sensitivity.force
+            error = error + (tilt_error + angle * slope * sensitivity.by_height_scale())
+        yield from _term(sensitivity, cause=name, std=angle, unit="rad", error=error, declared=declared)
 
 
-def _of_curvature(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
+def _curvature_terms(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
     """Yield the term of the skin's curvature k, by its surface.
 
     Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
@@ -130,41 +145,43 @@ def _of_curvature(sensitivity: Along, settings: AlignmentSettings, report: Align
         inertia = (1.0 / shares[0] - 1.0) * (settings.tip_mass or 0.0) * sensitivity.acceleration
         error = (shares[1] / shares[0] - 1.0) * sensitivity.force + inertia
         yield from _term(sensitivity, "curvature", turned.curvature_std, "1/m", error)
-    elif share := _flatness(sensitivity.model, turned.curvature):
+    elif share := _flat_skin_error(sensitivity.model, turned.curvature):
         yield from _term(sensitivity, "curvature", abs(turned.curvature), "1/m", share * sensitivity.force)
 
 
-def _of_law(sensitivity: Along) -> Iterator[Term]:
-    """Yield the term of a formula that stands for a solution and is off it by e of the force at most.
+def _law_terms(sensitivity: Along) -> Iterator[Term]:
+    """Yield the term of a formula that approximates a solution to a share e of the force at most.
 
-    By how much at which depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
+    The error at each depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
     itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
     """
     if not (error := sensitivity.model.law_error):
         return
     place = np.sqrt(np.clip(sensitivity.depth / sensitivity.depth.max(), 0.0, 1.0))
     # sqrt(2) gives a cosine the mean square 1; the four are as one uncertainty, combined below.
-    waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVES)]
-    shifts = [sensitivity.shifts(error / _COVERAGE * wave * sensitivity.force / math.sqrt(_WAVES)) for wave in waves]
+    waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVE_COUNT)]
+    shifts = [
+        sensitivity.shifts(error / _COVERAGE * wave * sensitivity.force / math.sqrt(_WAVE_COUNT)) for wave in waves
+    ]
     determined = [shift for shift in shifts if shift is not None]
     if determined:
         yield Term("law", error / _COVERAGE, "1", np.sqrt(np.sum(np.square(determined), axis=0)))
 
 
-def _flatness(model: ContactModel, curvature: float) -> float:
-    """Return the share of the force that a sphere has more on a surface of mean curvature k [1/m] which the model has
-    as flat.
+def _flat_skin_error(model: ContactModel, curvature: float) -> float:
+    """Return the relative error of the force of a sphere if the model takes a skin of mean curvature k [1/m] as flat.
 
-    A sphere of radius R on it is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of R_eff; 0
-    of a model that states the skin's radii, and of another tip.
+    A sphere of radius R on the skin is one of 1/R_eff = 1/R + k on a flat one, and its force goes with the root of
+    R_eff. 0 for a model that states the skin's radii, and for another tip.
     """
-    radius, skin = getattr(getattr(model, "indenter", None), "radius", None), getattr(model, "skin", None)
+    radius = getattr(getattr(model, "indenter", None), "radius", None)
+    skin = getattr(model, "skin", None)
     if radius is None or not curvature or skin is not None or 1.0 + radius * curvature <= 0:
         return 0.0
     return float((1.0 + radius * curvature) ** -0.5 - 1.0)
 
 
-def _change(sensitivity: ForceSensitivity, source: UncertaintySource) -> Floats | None:
+def _error_per_unit(sensitivity: ForceSensitivity, source: UncertaintySource) -> Floats | None:
     """Return the error (n,) of the force per unit of a source; None where it cannot be determined."""
     if source.path:
         step = source.std if source.name == "inclination" else 0.0

@@ -13,10 +13,10 @@ from palpate_engine import POISSON_STD, READINGS, declared_std, numbers_of
 
 _RADII = ("radius", "curvature_radius")
 # Standard uncertainties of what nobody has declared: choices, as the help of [run] uncertainties states them.
-_RADIUS = 0.005  # of itself
-_INCLINATION = math.radians(2.0)  # [rad]
-_SKIN_RADIUS = 0.05  # of itself
-_STICK = 0.5  # between a tip that slides and one that sticks, and half of the way from one to the other
+_RADIUS_SHARE = 0.005  # of a tip's radius
+_INCLINATION_STD = math.radians(2.0)  # [rad]
+_SKIN_RADIUS_SHARE = 0.05  # of a skin's radius
+_STICK_STD = 0.5  # between a tip that slides and one that sticks, and half of the way from one to the other
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,9 @@ class UncertaintySource:
     declared: bool
 
 
-def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[str, str]) -> UncertaintySource:
-    """Return a declared source of a model or its readings, or of `others` with their units; raises ValueError for
-    none."""
-    units = {**READINGS, **others}
+def declared_source(model: ContactModel, name: str, value: Any, other_units: Mapping[str, str]) -> UncertaintySource:
+    """Return a declared source of a model or its readings, or of `other_units`, by name; raises ValueError for none."""
+    units = {**READINGS, **other_units}
     # A number is named by its last key or by its path; of several with one last key the first counts.
     numbers = {}
     for number_of_model in reversed(numbers_of(model)):
@@ -45,9 +44,10 @@ def declared_source(model: ContactModel, name: str, value: Any, others: Mapping[
         raise ValueError(f"{name!r} is not a number of {type(model).__name__} or its tip; there are: {allowed}")
     path, number, unit = ((), 1.0, units[name]) if name in units else numbers[name]
     try:
-        return UncertaintySource(name, path, number, declared_std(value, unit), unit, True)
+        std = declared_std(value, unit)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
+    return UncertaintySource(name, path=path, value=number, std=std, unit=unit, declared=True)
 
 
 def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
@@ -57,25 +57,33 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Uncert
     0.02/sqrt(3) about a value at the end of a rectangular distribution. Of a skin that is stated, the inclination is
     known to 2 degrees, a radius to 5 %, and whether the tip sticks on an inclination is not known.
     """
-    sources = [
-        UncertaintySource(name, (), 1.0, declared_std(declared[name], unit), unit, True)
-        for name, unit in READINGS.items()
-        if name in declared
-    ]
+    sources = []
+    for name, unit in READINGS.items():
+        if name in declared:
+            reading_std = declared_std(declared[name], unit)
+            sources.append(UncertaintySource(name, path=(), value=1.0, std=reading_std, unit=unit, declared=True))
     is_level = not getattr(getattr(model, "skin", None), "inclination", 0.0)
-    # A declared uncertainty goes before a default; what has neither is exact.
+    # A declared uncertainty goes before a default; a number without either is exact.
     for path, value, unit in numbers_of(model):
         if is_level and path == ("skin", "stick"):
             continue
         declared_value = declared.get(".".join(path), declared.get(path[-1]))
-        if declared_value is not None:
-            sources.append(UncertaintySource(path[-1], path, value, declared_std(declared_value, unit), unit, True))
-        elif path[-1] in _RADII:
-            sources.append(UncertaintySource(path[-1], path, value, _RADIUS * abs(value), unit, False))
-        elif path == ("poisson",):
-            sources.append(UncertaintySource("poisson", path, value, POISSON_STD, unit, False))
-        elif path[0] == "skin":
-            defaults = {"inclination": _INCLINATION, "stick": _STICK}
-            std = defaults.get(path[-1], _SKIN_RADIUS * abs(value))
-            sources.append(UncertaintySource(path[-1], path, value, std, unit, False))
+        std = _default_std(path, value) if declared_value is None else declared_std(declared_value, unit)
+        if std is None:
+            continue
+        sources.append(
+            UncertaintySource(path[-1], path=path, value=value, std=std, unit=unit, declared=declared_value is not None)
+        )
     return tuple(sources)
+
+
+def _default_std(path: tuple[str, ...], value: float) -> float | None:
+    """Return the standard uncertainty of a number of a model without a declared one; None for an exact number."""
+    if path[-1] in _RADII:
+        return _RADIUS_SHARE * abs(value)
+    if path == ("poisson",):
+        return POISSON_STD
+    if path[0] == "skin":
+        defaults = {"inclination": _INCLINATION_STD, "stick": _STICK_STD}
+        return defaults.get(path[-1], _SKIN_RADIUS_SHARE * abs(value))
+    return None

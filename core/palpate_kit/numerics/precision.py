@@ -52,9 +52,13 @@ def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:
     between = max(sum(part * weight for part, weight in parts) / total, 0.0) if total else 0.0
     both = math.sqrt(repeat + between)
     return Precision(
-        math.sqrt(repeat), math.sqrt(between), both, sum(len(group) for groups in levels for group in groups),
-        max(len(groups) for groups in levels), _CHANGE * both,
-    )  # fmt: skip
+        repeatability=math.sqrt(repeat),
+        between=math.sqrt(between),
+        reproducibility=both,
+        values=sum(len(group) for groups in levels for group in groups),
+        groups=max(len(groups) for groups in levels),
+        detectable=_CHANGE * both,
+    )
 
 
 def _single_values(levels: Sequence[Sequence[Floats]]) -> Precision | None:
@@ -64,8 +68,14 @@ def _single_values(levels: Sequence[Sequence[Floats]]) -> Precision | None:
     if not freedom:
         return None
     both = math.sqrt(sum(_square_sum(row) for row in rows) / freedom)
-    count, groups = sum(map(len, rows)), max(map(len, rows))
-    return Precision(math.nan, math.nan, both, count, groups, _CHANGE * both)
+    return Precision(
+        repeatability=math.nan,
+        between=math.nan,
+        reproducibility=both,
+        values=sum(map(len, rows)),
+        groups=max(map(len, rows)),
+        detectable=_CHANGE * both,
+    )
 
 
 def _square_sum(values: Floats) -> float:

@@ -88,21 +88,21 @@ def refusal(request: Request, token: str) -> str | None:
     return None
 
 
-def answer_request(request: Request, token: str, known: Files) -> Response | None:
-    """Return what a request gets of the `known` files; None for the page's own WebSocket, which is let in."""
-    why = refusal(request, token)
-    if why is not None:
-        return response(HTTPStatus.FORBIDDEN, f"403: {why}\n".encode(), "text/plain")
+def answer_request(request: Request, token: str, files: Files) -> Response | None:
+    """Return the response to a request for one of the `files`; None for the page's own WebSocket, which is accepted."""
+    problem = refusal(request, token)
+    if problem is not None:
+        return response(HTTPStatus.FORBIDDEN, f"403: {problem}\n".encode(), "text/plain")
     name = request.path.removeprefix("/").partition("/")[2]
     if name == DATA:
         return None
-    if name not in known:
+    if name not in files:
         return response(HTTPStatus.NOT_FOUND, b"404: no such page\n", "text/plain")
-    file = known[name]
+    file = files[name]
     return response(HTTPStatus.OK, file.read_bytes(), _TYPES[file.name.rpartition(".")[2]], host_of(request) or "")
 
 
-def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
+def response(status: int, body: bytes, media_type: str, host: str = "") -> Response:
     """Return a response that makes the browser trust nothing but this page."""
     policy = (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -111,7 +111,7 @@ def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
     )
     headers = Headers(
         {
-            "Content-Type": f"{kind}; charset=utf-8",
+            "Content-Type": f"{media_type}; charset=utf-8",
             "Content-Length": str(len(body)),
             "Content-Security-Policy": policy,
             "Referrer-Policy": "no-referrer",

@@ -22,22 +22,23 @@ def document_table(document: Mapping[str, Any]) -> ResultTable:
 
 def document_row(name: str, track: Mapping[str, Any], record: str = "", duration: float = 0.0) -> ResultRow:
     """Return the row of a track as it stands in ``result.json``, of a record of a duration [s]."""
-    every = {**track["parameters"], **track.get("derived", {})}
-    values = {key: table_value(key, found, track["verdict"]) for key, found in every.items()}
+    estimates = {**track["parameters"], **track.get("derived", {})}
+    values = {key: table_value(key, estimate, track["verdict"]) for key, estimate in estimates.items()}
     numbers = {key: value.value for key, value in values.items()}
     conditions = track.get("conditions", ())
     return ResultRow(
         record,
-        name,
-        values,
-        {one["fact"]: one["message"] for one in conditions},
-        {one["fact"]: one["remedy"] for one in conditions},
-        tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"])),
+        track=name,
+        values=values,
+        conditions={condition["fact"]: condition["message"] for condition in conditions},
+        remedies={condition["fact"]: condition["remedy"] for condition in conditions},
+        findings=tuple(ResultFinding.of_flag(flag, numbers) for flag in map(Flag.of_table, track["flags"])),
         measures=_measures(track, duration),
     )
 
 
 def _measures(track: Mapping[str, Any], duration: float) -> TrackMeasures | None:
+    """Return the measures of a track in a record of a duration [s]; None for one that is not compared."""
     if "comparison" not in track:
         return None
     nis = math.nan if track["nis"] is None else track["nis"]
@@ -45,16 +46,16 @@ def _measures(track: Mapping[str, Any], duration: float) -> TrackMeasures | None
     return TrackMeasures.of(comparison, nis, track["seconds_per_sample"], track["samples"], duration)
 
 
-def table_value(name: str, found: Mapping[str, Any], of_track: str) -> TableValue:
+def table_value(name: str, estimate: Mapping[str, Any], track_verdict: str) -> TableValue:
     """Return a value of ``result.json``; one without a verdict of its own has that of its track."""
-    if of_track == "invalid":
-        return TableValue(name, None, math.nan, found["unit"], "invalid")
-    combined = found.get("combined")
+    if track_verdict == "invalid":
+        return TableValue(name, None, math.nan, estimate["unit"], "invalid")
+    combined = estimate.get("combined")
     return TableValue(
         name,
-        estimate_of(found),
-        math.nan if combined is None else combined,
-        found["unit"],
-        found.get("verdict") or of_track,
-        found.get("places") or {},
+        value=estimate_of(estimate),
+        combined=math.nan if combined is None else combined,
+        unit=estimate["unit"],
+        verdict=estimate.get("verdict") or track_verdict,
+        places=estimate.get("places") or {},
     )

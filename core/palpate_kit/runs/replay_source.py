@@ -79,9 +79,9 @@ def replay_source(
         tables.pop(name, None)
     _drop_foreign_calibration(run, carried.log, enclosure)
     # Parts that the caller adds, and the tracks that are made of them.
-    for kind, types in (("model", models), ("estimator", estimators)):
+    for family, types in (("model", models), ("estimator", estimators)):
         for name in types:
-            tables.setdefault(kind, {}).setdefault(name, added_table(kind, name, tables))
+            tables.setdefault(family, {}).setdefault(name, added_table(family, name, tables))
     if tracks:
         run["tracks"] = list(tracks)
     elif "tracks" in run:
@@ -151,26 +151,26 @@ def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
             )
 
 
-def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
+def added_table(family: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
     """Return the table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
 
     Other numbers of a model are defaults, which are added to ``[run] assumed``. Raises ConfigurationError for a part
     that needs a tip where the pipeline has none.
     """
-    part = registries.load().find(kind, name)
+    part = registries.load().find(family, name)
     table: dict[str, Any] = {"type": name}
-    if kind == "model":
+    if family == "model":
         table |= _shared_settings(part, tables)
         # A Poisson's ratio that is left out is open by that alone.
         defaults = [key for key in _unstated(part, table) if key != "poisson"]
         run = tables.setdefault("run", {})
-        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in defaults)]
+        run["assumed"] = [*run.get("assumed", ()), *(f"{family}.{name}.{key}" for key in defaults)]
     field = part.model_fields.get("indenter")
     if field is not None and field.is_required():
         tips = [model["indenter"] for model in tables.get("model", {}).values() if "indenter" in model]
         tip = next(iter(tips), None) or next(iter(tables.get("indenter", {})), None)
         if tip is None:
-            raise ConfigurationError(f"{kind} {name!r} needs a tip, and the recorded pipeline has none")
+            raise ConfigurationError(f"{family} {name!r} needs a tip, and the recorded pipeline has none")
         table["indenter"] = tip
     return table
 
@@ -186,10 +186,10 @@ def _shared_settings(model: type[Part], tables: dict[str, Any]) -> dict[str, Any
     return shared
 
 
-def replace_model(source: Source, wanted: str) -> None:
+def replace_model(source: Source, model_name: str) -> None:
     """Put another model, by name or initials, on the tip of the first in place of all; raises ConfigurationError."""
     tables: dict[str, Any] = source.tables
-    name = registries.load().named("model", wanted)
+    name = registries.load().named("model", model_name)
     tables["model"] = {name: added_table("model", name, tables)}
     run = tables.setdefault("run", {})
     run.pop("tracks", None)

@@ -64,8 +64,8 @@ def open_table(path: Path, place: str) -> Iterator[None]:
     try:
         yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-        why = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise LogError(f"{path}: is a damaged result of palpate: {place}: {why}") from error
+        reason = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise LogError(f"{path}: is a damaged result of palpate: {place}: {reason}") from error
 
 
 def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
@@ -73,16 +73,16 @@ def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
     return tuple(map(Flag.of_table, tables))
 
 
-def _is_number(found: Mapping[str, Any]) -> bool:
+def _is_number(value: Mapping[str, Any]) -> bool:
     """Return True if the verdict of a value leaves a number to calculate with; results before schema 5 have none."""
-    verdict = found.get("verdict") or ""
+    verdict = value.get("verdict") or ""
     return verdict != "invalid" and not needs_fact(verdict)
 
 
-def value_verdict(track: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+def value_verdict(track: Mapping[str, Any], value: Mapping[str, Any]) -> str:
     """Return the verdict of a value of a track: its own where it gives no number to calculate with, else that of the
     track."""
-    return str(track["verdict"] if _is_number(found) else found["verdict"])
+    return str(track["verdict"] if _is_number(value) else value["verdict"])
 
 
 def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -92,9 +92,9 @@ def values_by_name(track: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {name: value for name, value in values.items() if value["value"] is not None and _is_number(value)}
 
 
-def estimate_of(found: Mapping[str, Any]) -> float | None:
+def estimate_of(value: Mapping[str, Any]) -> float | None:
     """Return the number that was estimated, also of what has no value to calculate with; None if it has none."""
-    number: float | None = found["value"] if found["value"] is not None else found.get("estimate")
+    number: float | None = value["value"] if value["value"] is not None else value.get("estimate")
     return number
 
 

@@ -43,7 +43,7 @@ class CycleUnknownDocument(Document):
 
 
 class CycleDocument(Document):
-    """What `palpate fit` finds in one cycle of a motion."""
+    """Results of `palpate fit` of one cycle of a motion."""
 
     log: str
     track: str

@@ -78,13 +78,13 @@ class EstimatesTable:
         status = np.nan_to_num(columns.pop("status"), nan=float(Status.IDLE)).astype(np.int64)
         parameters = [key.removesuffix("_std") for key in columns if key.endswith("_std") and key != "surface_std"]
         return TrackTable(
-            self._column("time_s"),
-            np.column_stack([self._column(name) for name in ("x_m", "y_m")]),
-            self.measured["position"],
-            {key: columns[key] for key in parameters},
-            {key: columns[f"{key}_std"] for key in parameters},
-            {key: column for key, column in columns.items() if key.removesuffix("_std") not in parameters},
-            status,
+            time=self._column("time_s"),
+            place=np.column_stack([self._column(name) for name in ("x_m", "y_m")]),
+            position=self.measured["position"],
+            values={key: columns[key] for key in parameters},
+            std={key: columns[f"{key}_std"] for key in parameters},
+            others={key: column for key, column in columns.items() if key.removesuffix("_std") not in parameters},
+            status=status,
         )
 
     def _column(self, name: str) -> Floats:

@@ -37,14 +37,14 @@ class LiftDocument(Document):
 
 
 class StopDocument(Document):
-    """Why the guard stopped the arm."""
+    """Reason for which the guard stopped the arm."""
 
     reason: str = Field(description="a sentence")
     monotonic: float = Field(description="monotonic time of the host [s]")
 
 
 class EstimateDelayDocument(Document):
-    """How late estimates were."""
+    """Lateness of the estimates."""
 
     latency: dict[str, Number] | None = Field(description="from a reading to its estimate [s]")
     largest_behind: float = Field(description="[s]")
@@ -93,7 +93,7 @@ class VelocityDelayDocument(Document):
 
 
 class FirstTouchDocument(Document):
-    """Where the tip first touched."""
+    """Place and time of the first touch of the tip."""
 
     time: float = Field(description="[s]")
     position: float = Field(description="height of the tip [m]")

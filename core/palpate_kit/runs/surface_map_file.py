@@ -109,4 +109,4 @@ def _parse(content: bytes) -> SurfaceMap:
     triangles = faces["rows"].astype(np.int64)
     _check_triangles(triangles, positions)
     value, std, p = (np.array(vertices[key]) for key in (name, f"{name}_std", "p"))
-    return SurfaceMap(positions, triangles, value, std, p, name, unit)
+    return SurfaceMap(positions, triangles, value=value, std=std, p=p, parameter=name, unit=unit)

@@ -14,7 +14,7 @@ File = TypeVar("File", bound=Settings)
 
 
 def read_tables(path: Path, noun: str) -> dict[str, Any]:
-    """Return the tables of a file; raises ConfigurationError where it cannot be read or is not TOML."""
+    """Return the tables of a file; raises ConfigurationError if it cannot be read or is not TOML."""
     try:
         tables: dict[str, Any] = toml_tables(bounded_text(path))
     except (OSError, UnicodeDecodeError) as error:
@@ -25,16 +25,15 @@ def read_tables(path: Path, noun: str) -> dict[str, Any]:
     return tables
 
 
-def read_settings(path: Path, kind: type[File], noun: str) -> File:
-    """Return what a file states, as settings of a kind; raises ConfigurationError where it cannot be read or is
-    invalid."""
-    return settings_of(read_tables(path, noun), path, kind, noun)
+def read_settings(path: Path, settings_class: type[File], noun: str) -> File:
+    """Return the tables of a file as settings of a class; raises ConfigurationError for a file that is not valid."""
+    return settings_of(read_tables(path, noun), path, settings_class, noun)
 
 
-def settings_of(tables: dict[str, Any], path: Path, kind: type[File], noun: str) -> File:
-    """Return the tables of a file as settings of a kind; raises ConfigurationError where they are invalid."""
+def settings_of(tables: dict[str, Any], path: Path, settings_class: type[File], noun: str) -> File:
+    """Return tables as settings of a class; raises ConfigurationError if they are invalid."""
     try:
-        return kind.model_validate(tables)
+        return settings_class.model_validate(tables)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ConfigurationError(f"{path}: is not a {noun}: {_place(first['loc'])}: {first['msg']}") from error

@@ -122,7 +122,7 @@ class ConditionDocument(Document):
 
 
 class EffectDocument(Document):
-    """What a source does to one unknown."""
+    """Effect of a source on one unknown."""
 
     sensitivity: Number = Field(description="unit of the unknown per unit of the source")
     contribution: Number = Field(description="standard uncertainty; null where that of the source is not known")
@@ -198,7 +198,7 @@ class ComparisonDocument(Document):
 
 
 class TrackDocument(Document):
-    """What one track found."""
+    """Results of one track."""
 
     model: str = Field(description="name of its contact model")
     estimator: str = Field(description="name of its estimator")
