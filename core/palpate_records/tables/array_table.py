@@ -1,4 +1,4 @@
-"""Tables made of the arrays that a file holds by name: those of equal length are the columns of one table."""
+"""Tables of the arrays in a file: named arrays of equal length are the columns of one table."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from palpate_records.tables.csv_names import stated_role
 
 MAX_NUMBERS = 10_000_000  # of a file, all columns together: some 200 MB as text
-_MIN_ROWS = 20  # of a record; shorter arrays are values of the experiment, or a list of them
-_PRESS = {"force", "position"}  # roles that every press has
-_MAX_WIDTH = 64  # columns of a matrix; a wider one is an image
-_FACT_LENGTH = 40  # characters of a single value
+_MIN_ROWS = 20  # of a record; shorter arrays are values of the experiment, or lists of them: a choice
+_PRESS_ROLES = {"force", "position"}  # that every press has
+_MAX_WIDTH = 64  # columns of a matrix; a wider one is an image: a choice
+_MAX_FACT = 40  # characters of a single value that are kept: a choice
 
 Array = NDArray[Any]
 
@@ -34,10 +34,10 @@ class ArrayTable:
         """Return the table with tabs between its cells, its numbers in full."""
         out = io.StringIO()
         for name, value in self.facts.items():
-            out.write(f"{_line(name)}: {_line(value)}\n")
+            out.write(f"{_one_line(name)}: {_one_line(value)}\n")
         writer = csv.writer(out, delimiter="\t", lineterminator="\n")
         if any(not name.isdigit() for name in self.columns):
-            writer.writerow(map(_line, self.columns))
+            writer.writerow(map(_one_line, self.columns))
         writer.writerows(zip(*map(_cells, self.columns.values()), strict=True))
         return out.getvalue()
 
@@ -51,31 +51,41 @@ def demand_readable_size(numbers: int) -> None:
 def tables_of(arrays: Iterable[tuple[Sequence[str], Any]], name: str) -> list[ArrayTable]:
     """Return the tables of arrays, each with its path of names; the one with most columns first.
 
-    Arrays of one length are one table, but where groups have the same names, as of several specimens, a table each.
-    Groups such as "wrench" and "pose", of which none holds a force and a height, are columns of the group above them.
+    Arrays of one length are one table; but where groups have the same names, as of several specimens, a table each.
+    Groups such as "wrench" and "pose", of which none holds both a force and a height, are columns of the group above.
     """
+    named_arrays = [(tuple(path), np.asarray(values)) for path, values in arrays]
+    columns, facts = _columns_and_facts(named_arrays)
+    if _is_repeated(columns):
+        columns = _below_groups_of_presses(columns)
+    # Columns of one length are a table; of repeated groups, those of one group.
+    is_repeated = _is_repeated(columns)
+    columns_by_table: dict[tuple[str, int], dict[str, Array]] = {}  # by group and length
+    for path, array in columns.items():
+        group = " ".join(path[:-1]) if is_repeated else ""
+        columns_by_table.setdefault((group, len(array)), {})[path[-1]] = array
+    # A single column does not make a table.
+    tables = [(key, table) for key, table in columns_by_table.items() if len(table) > 1]
+    tables.sort(key=lambda item: -len(item[1]))
+    only_name = name if len(tables) == 1 else ""
+    return [ArrayTable(group or only_name or f"{rows} rows", table, facts) for (group, rows), table in tables]
+
+
+def _columns_and_facts(
+    arrays: Sequence[tuple[tuple[str, ...], Array]],
+) -> tuple[dict[tuple[str, ...], Array], dict[str, str]]:
+    """Return the columns by their paths, and single values by their names; short arrays are neither."""
     columns: dict[tuple[str, ...], Array] = {}
     facts: dict[str, str] = {}
-    named = [(tuple(path), np.asarray(values)) for path, values in arrays]
-    for path, array in named:
+    for path, array in arrays:
         if array.ndim == 2 and min(array.shape) == 1:
             array = array.ravel()
         if array.size == 1 and array.dtype.kind in "biufUS":
-            facts[path[-1]] = _text(array.ravel()[0])[:_FACT_LENGTH]
+            facts[path[-1]] = _text(array.ravel()[0])[:_MAX_FACT]
         elif array.ndim and len(array) >= _MIN_ROWS:
-            names = _names_of_columns(named, path[:-1], array.shape[-1]) if array.ndim == 2 else ()
+            names = _names_of_columns(arrays, path[:-1], array.shape[-1]) if array.ndim == 2 else ()
             columns |= _columns(path, array, names)
-    if _is_repeated(columns):
-        columns = _below_groups_of_presses(columns)
-    is_repeated = _is_repeated(columns)
-    groups: dict[tuple[str, int], dict[str, Array]] = {}
-    for path, array in columns.items():
-        group = " ".join(path[:-1]) if is_repeated else ""
-        groups.setdefault((group, len(array)), {})[path[-1]] = array
-    usual = [(key, table) for key, table in groups.items() if len(table) > 1]
-    usual.sort(key=lambda item: -len(item[1]))
-    return [ArrayTable(group or (name if len(usual) == 1 else f"{rows} rows"), table, facts)
-            for (group, rows), table in usual]  # fmt: skip
+    return columns, facts
 
 
 def _is_repeated(paths: Iterable[tuple[str, ...]]) -> bool:
@@ -87,27 +97,30 @@ def _is_repeated(paths: Iterable[tuple[str, ...]]) -> bool:
 def _below_groups_of_presses(columns: Mapping[tuple[str, ...], Array]) -> dict[tuple[str, ...], Array]:
     """Return columns with names such as "wrench.force.z" below the innermost groups of which one holds a press."""
     for depth in range(max(map(len, columns)) - 1, -1, -1):
-        below: dict[tuple[str, ...], Array] = {}
+        regrouped: dict[tuple[str, ...], Array] = {}
         roles: dict[tuple[str, ...], set[str | None]] = {}
         for path, array in columns.items():
             level = min(depth, len(path) - 1)
-            group, name = path[:level], ".".join(path[level:])
-            below[(*group, name)] = array
+            group = path[:level]
+            name = ".".join(path[level:])
+            regrouped[(*group, name)] = array
             roles.setdefault(group, set()).add(stated_role(name))
-        if any(group_roles >= _PRESS for group_roles in roles.values()):
-            return below
+        if any(group_roles >= _PRESS_ROLES for group_roles in roles.values()):
+            return regrouped
     return {**columns}
 
 
 def _names_of_columns(
     arrays: Iterable[tuple[tuple[str, ...], Array]], group: tuple[str, ...], width: int
 ) -> Sequence[str]:
-    """Return the names of a matrix's columns, by the one array of so many texts in its group, with units of another."""
-    texts = {
-        path[-1].lower(): [str(text) for text in array.ravel()]
-        for path, array in arrays
-        if path[:-1] == group and array.size == width > 1 and all(isinstance(text, str) for text in array.ravel())
-    }
+    """Return the names of the columns of a matrix; empty if they are not stated.
+
+    They are the only array of `width` texts in its group, or the only one besides an array of units.
+    """
+    texts = {}
+    for path, array in arrays:
+        if path[:-1] == group and array.size == width > 1 and all(isinstance(text, str) for text in array.ravel()):
+            texts[path[-1].lower()] = [str(text) for text in array.ravel()]
     units = [texts.pop(name) for name in ("unit", "units") if name in texts]
     if len(texts) != 1:
         return ()
@@ -125,28 +138,32 @@ def _columns(path: tuple[str, ...], array: Array, names: Sequence[str] = ()) -> 
     if array.ndim == 2 and len({*names}) == array.shape[1]:
         return {(*path[:-1], name): array[:, k] for k, name in enumerate(names)}
     if array.ndim == 2 and array.shape[1] <= _MAX_WIDTH:
-        return {(*path[:-1], f"{path[-1]}[{k}]" if path[-1] else str(k)): array[:, k] for k in range(array.shape[1])}
+        names = [f"{path[-1]}[{k}]" if path[-1] else str(k) for k in range(array.shape[1])]
+        return {(*path[:-1], name): array[:, k] for k, name in enumerate(names)}
     return {path: array} if array.ndim == 1 else {}
 
 
 def _cells(array: Array) -> Iterable[str]:
-    """Return the cells of a column; numbers are read back to the bit, durations are seconds."""
+    """Return the cells of a column: numbers in full, durations in seconds, dates in the form of ISO 8601."""
     if array.dtype.kind == "m":
         array = array / np.timedelta64(1, "s")
-    kinds: Mapping[str, Callable[[Any], str]] = {"f": _number, "S": _text, "U": _text}
+    cell_of_kind: Mapping[str, Callable[[Any], str]] = {"f": _number_text, "S": _text, "U": _text}
     if array.dtype.kind == "M":
         return map(str, np.datetime_as_string(array))
     values = array.astype(np.int64) if array.dtype.kind == "b" else array
-    return map(kinds.get(array.dtype.kind, str), values.tolist())
+    return map(cell_of_kind.get(array.dtype.kind, str), values.tolist())
 
 
-def _number(value: float) -> str:
+def _number_text(value: float) -> str:
+    """Return a number in full; empty for NaN."""
     return "" if value != value else repr(value)
 
 
 def _text(value: Any) -> str:
+    """Return bytes or any other value as text."""
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _line(text: str) -> str:
+def _one_line(text: str) -> str:
+    """Return a text without line breaks and tabs."""
     return " ".join(str(text).split())

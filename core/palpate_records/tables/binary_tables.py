@@ -1,4 +1,4 @@
-"""Files of tables without lines of cells: workbooks, and arrays, also those of JSON."""
+"""Files of tables that are not text: workbooks and arrays; also arrays of JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units that stand in the cells, behind the numbers."""
+"""Units in the cells of a table, behind the numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _WITH_UNIT = re.compile(r"\s*([-+]?[\d.,]*\d[.,]?(?:[eE][-+]?\d+)?)\s*([^\d\s.,+
 
 
 def number_and_unit(cell: str) -> tuple[str, str]:
-    """Return the number of a cell as it is written, and the unit behind it; none without one.
+    """Return the number of a cell as it is written, and the unit behind it; "" without one.
 
     >>> number_and_unit("1.2 N"), number_and_unit("-3e-2mm"), number_and_unit("1.5D-03"), number_and_unit("12:30")
     (('1.2', 'N'), ('-3e-2', 'mm'), ('1.5D-03', ''), ('12:30', ''))
@@ -25,15 +25,17 @@ def number_and_unit(cell: str) -> tuple[str, str]:
 
 @cache
 def cell_factor(unit: str, column: str) -> float:
-    """How many of the unit of its column one of the unit in a cell is; a mass in a column of forces is its weight.
+    """Return the size of the unit in a cell relative to that of its column; a mass in a column of forces is its weight.
 
     Raises ValueError for another dimension.
     """
-    (dimension, size), (wanted, one) = (si_unit(text) for text in (_weight(unit, column), column))
-    if dimension != wanted:
+    cell_dimension, cell_size = si_unit(_force_unit(unit, column))
+    column_dimension, column_size = si_unit(column)
+    if cell_dimension != column_dimension:
         raise ValueError(f"{unit} is not a unit of a column in {column}")
-    return size / one
+    return cell_size / column_size
 
 
-def _weight(unit: str, column: str) -> str:
+def _force_unit(unit: str, column: str) -> str:
+    """Return the weight of a unit of mass if the unit of the column is one of force, else the unit."""
     return (weight_of(unit) or unit) if si_unit(column)[0] == "N" else unit

@@ -8,14 +8,14 @@ from functools import cache
 
 from palpate import is_number
 
-POINTS = 'state decimal = ","'  # the advice where numbers have decimal commas
+POINTS = 'state decimal = ","'  # advice for numbers with decimal commas
 
-_DOUBLE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)")
+_FORTRAN_DOUBLE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)")
 _OVERLOAD = re.compile(r"\*{2,}|#+|#nv|#n/a|#wert!|#value!|over|ovf|ovld|over ?flow|over ?load|over ?range|ol", re.I)
 
 
 def is_overload(cell: str) -> bool:
-    """Return True if a cell holds the mark of an instrument for a reading that it could not make.
+    """Return True if a cell holds the mark of an instrument for a reading beyond its range.
 
     >>> is_overload("OVER"), is_overload("#NV"), is_overload("***"), is_overload("load")
     (True, True, True, False)
@@ -24,7 +24,7 @@ def is_overload(cell: str) -> bool:
 
 
 def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """Return the number in a cell; raises ValueError. ``1_5`` is not a number: Python alone takes it for 15.
+    """Return the number in a cell; raises ValueError. ``1_5`` is not a number, though Python reads it as 15.
 
     >>> number("1.234,5", ",", "."), number("1.5D-03")
     (1234.5, 0.0015)
@@ -34,7 +34,7 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
         raise ValueError(cell)
     if thousands:
         text = text.replace("\u00a0", " ").replace("\u202f", " ")
-        if _grouped(decimal, thousands).fullmatch(text):
+        if _grouped_pattern(decimal, thousands).fullmatch(text):
             text = text.replace(thousands, "")
     if decimal == ",":
         if "." in text:
@@ -42,8 +42,8 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
         text = text.replace(",", ".", 1)
     try:
         return float(text)
-    except ValueError:  # of Fortran, 1.0D-05
-        if (match := _DOUBLE.fullmatch(text)) is None:
+    except ValueError:  # perhaps a double of Fortran, 1.0D-05
+        if (match := _FORTRAN_DOUBLE.fullmatch(text)) is None:
             raise
         return float(f"{match[1]}e{match[2]}")
 
@@ -57,8 +57,8 @@ def number_or_nan(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
 
 @cache
-def _grouped(decimal: str, thousands: str) -> re.Pattern[str]:
-    """What a number with marks between its thousands looks like."""
+def _grouped_pattern(decimal: str, thousands: str) -> re.Pattern[str]:
+    """Return the pattern of a number with marks between its thousands."""
     return re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+(?:{re.escape(decimal)}\d*)?")
 
 
@@ -69,7 +69,7 @@ def is_grouped(cell: str, decimal: str, thousands: str) -> bool:
     (True, False, False)
     """
     text = cell.strip().lstrip("+-")
-    return not text.startswith("0") and _grouped(decimal, thousands).fullmatch(text) is not None
+    return not text.startswith("0") and _grouped_pattern(decimal, thousands).fullmatch(text) is not None
 
 
 def has_decimal_comma(cell: str) -> bool:
@@ -82,6 +82,5 @@ def has_decimal_comma(cell: str) -> bool:
 
 
 def is_cut_at_commas(cells: Sequence[str], header: Sequence[str] | None, delimiter: str) -> bool:
-    """Return True if a line has twice the cells of its header, as one whose decimal commas were taken for
-    separators."""
+    """Return True if a line has twice the cells of its header: its decimal commas were taken for separators."""
     return delimiter == "," and header is not None and len(cells) == 2 * len(header)

@@ -27,23 +27,33 @@ WORDS = {
         "応力 ひずみ 温度"
     ),
 }
-SPREADS = {"std", "stdev", "sd", "sem", "deviation", "error", "errors", "uncertainty", "variance"}  # of a quantity
-# What is a length or force only where a unit says so, as that of a linear joint does.
+SPREADS = {
+    "std",
+    "stdev",
+    "sd",
+    "sem",
+    "deviation",
+    "error",
+    "errors",
+    "uncertainty",
+    "variance",
+}  # of a quantity's scatter
+# Words of angles and torques, which are lengths or forces only if a unit says so, as that of a linear joint does.
 _ANGULAR = (
     "joint joints j q qd dq ddq theta phi psi angle angles angular winkel gelenk roll pitch yaw rx ry rz tau torques "
     "moments effort efforts drehmoment couple tx ty tz mx my mz temp qx qy qz qw quat quaternion"
 )
-_CARTESIAN = "tcp tool tip ee eef flange pose cartesian"  # what makes an element of an array one of a place
+_CARTESIAN = "tcp tool tip ee eef flange pose cartesian"  # of an array whose elements are those of a place
 _QUALIFIERS = "raw filtered filt mean avg median smooth corrected corr tared net abs actual meas n"
 # Suffixes behind a "_" of amplifiers, converters, encoders and motors.
 _READINGS = "V mV uV µV mA volt volts counts count cts adc lsb digits bits steps ticks pulses"
 _READERS = "encoder motor stepper servo dxl adc voltage volts volt counts steps ticks pulses"
-_CELLS = "loadcell cell hx bridge dms gauge"  # of which raw numbers are counts
+_CELLS = "loadcell cell hx bridge dms gauge"  # sensors whose raw numbers are counts
 ANGULAR, CARTESIAN, QUALIFIERS, READINGS, READERS, CELLS = (
     frozenset(words.split()) for words in (_ANGULAR, _CARTESIAN, _QUALIFIERS, _READINGS, _READERS, _CELLS)
 )
 ELECTRICAL = frozenset(unit.lower() for unit in (*READINGS, "mV/V", "raw"))
 VOLTS = ("v", "mv", "uv")
 SYMBOLS = {"f": "force", "h": "position", "d": "position", "delta": "position", "δ": "position", "v": "velocity"}
-EITHER = ("z", "piezo", "compression")  # of a length, and of the axis or the kind of a force
+EITHER = ("z", "piezo", "compression")  # words of a length, and of the axis or the kind of a force
 BY_WORD = {word: role for role, words in WORDS.items() for word in words.split()}

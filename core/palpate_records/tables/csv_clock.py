@@ -1,4 +1,4 @@
-"""Which column of a CSV file is the time, and in which unit."""
+"""The time of a text table: its column, and the unit of that."""
 
 from __future__ import annotations
 
@@ -16,61 +16,76 @@ from palpate_records.tables.csv_names import begins_as_time, role_by_words, stam
 from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.tables.rules import Sureness, rule
 
-RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
+# Choices.
+RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is guessed
 _MIN_SECONDS = 3  # that begin within a record, for its rows to be counted
-_MIN_SHARE = 3  # rows that share a second; of two that are alike one was written twice
-_UNEVEN = 0.1  # of the rows in a second, by which the next may have more or fewer
+_MIN_ROWS_PER_SECOND = 3  # that share a second; of two that are alike one was written twice
+_MAX_UNEVENNESS = 0.1  # of the rows in a second, by which other seconds may have more or fewer
+_MAX_ROW_DIFFERENCE = 2.0  # [rows], the same for few rows in a second
+_RATE_DIGITS = 6  # of the rate of rows that share whole seconds
 _OTHER_ROLES = ("force", "position", "velocity")  # of columns that are not the time, however evenly they grow
-_ALIKE = 0.2  # share of the rows with the stamp of the row before, above which a clock is too coarse
+_MAX_EQUAL_SHARE = 0.2  # of the rows, with the stamp of the row before, above which a clock is too coarse
+_MIN_TICKS = 10  # steps of a column that can be a time by its numbers alone
+_MAX_STEP_SCATTER = 0.5  # standard deviation of such steps over their mean
+_NANOSECOND = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """Where the time of a row comes from."""
+    """The times of the rows of a table, and the settings of the device by which they are read."""
 
     seconds: Floats  # (n,)
     setting: Mapping[str, Any] = field(default_factory=dict)  # of the device
     reason: str = ""
     column: int | None = None
     sure: bool = True
-    note: str = ""  # what a person must know of it
+    note: str = ""  # for the user, on an assumption
 
 
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int] = ()) -> TimeColumn | None:
-    """The time of a file's rows: by a column, as chosen, by its name or since it grows evenly, else by a rate, or None.
+    """Return the time of a file's rows: by a column, else by a chosen rate; None without either.
 
-    It is not one of the columns that are taken for something else. A rate is for files without a time: it would shift
-    every reading of one that has gaps, or runs at another rate.
+    `values` (n, columns) are the numbers of the file. The column is chosen, or has the name of a time, or grows evenly;
+    it is not among the `taken` ones. A rate counts only for files without a time: it would shift every reading of a
+    file that has gaps, or runs at another rate. Raises LogError for a rate that is not one.
     """
-    found = _clock_column(sheet, values, choices, taken)
-    if "rate" in choices and not (found is not None and "time" in found.setting and _advances(found.seconds)):
-        try:
-            rate = to_si(choices["rate"], "Hz")
-        except ValueError as error:
-            raise LogError(f"{sheet.path}: --rate: {error}") from error
-        return TimeColumn(np.arange(len(values)) / rate, {"rate": choices["rate"]}, "chosen")
-    return found
+    clock = _clock_column(sheet, values, choices, taken)
+    has_time = clock is not None and "time" in clock.setting and _advances(clock.seconds)
+    if "rate" not in choices or has_time:
+        return clock
+    try:
+        rate = to_si(choices["rate"], "Hz")
+    except ValueError as error:
+        raise LogError(f"{sheet.path}: --rate: {error}") from error
+    return TimeColumn(np.arange(len(values)) / rate, {"rate": choices["rate"]}, "chosen")
 
 
 def _advances(seconds: Floats) -> bool:
     """Return True if a time goes on from most readings to the next."""
     steps = np.diff(seconds[np.isfinite(seconds)])
-    return len(steps) > 0 and float(np.median(steps)) > 0.0 and float(np.mean(steps == 0)) <= _ALIKE
+    return len(steps) > 0 and float(np.median(steps)) > 0.0 and float(np.mean(steps == 0)) <= _MAX_EQUAL_SHARE
 
 
 def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
-    """Raise LogError where the time of a file's rows does not go on; said before anything about their numbers."""
+    """Raise LogError if the time column of a file stands still or runs backwards.
+
+    It is checked before the numbers (n, columns) of the file: any finding on these would be wrong.
+    """
     steps = np.diff(clock.seconds)
     if clock.column is None or not len(steps):
         return
-    name, alike = f"column {sheet.column(clock.column)!r}", steps == 0
-    if float(np.mean(alike)) > _ALIKE:
-        whole = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
-        count = f"{int(alike.sum())} of {len(values)} rows have the time of the row before in {name}"
-        if float(np.mean(whole[alike].all(axis=1))) > 1.0 - _ALIKE:
+    name = f"column {sheet.column(clock.column)!r}"
+    is_equal = steps == 0
+    if float(np.mean(is_equal)) > _MAX_EQUAL_SHARE:
+        count = f"{int(is_equal.sum())} of {len(values)} rows have the time of the row before in {name}"
+        # Rows whose numbers are those of the row before as well were written twice.
+        is_repeated = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        if float(np.mean(is_repeated[is_equal].all(axis=1))) > 1.0 - _MAX_EQUAL_SHARE:
             raise LogError(f"{sheet.path}: {count}, and its numbers: the rows are written twice; keep one of each")
-        rest = "whole seconds, or otherwise rounded" if not (clock.seconds % 1.0).any() else "rounded"
-        raise LogError(f"{sheet.path}: {count}: it is {rest}; state how many rows there are in a second with --rate")
+        rounding = "whole seconds, or otherwise rounded" if not (clock.seconds % 1.0).any() else "rounded"
+        raise LogError(
+            f"{sheet.path}: {count}: it is {rounding}; state how many rows there are in a second with --rate"
+        )
     if float(np.mean(steps < 0)) > 0.5:
         raise LogError(f"{sheet.path}: {name} runs backwards: sort the rows by their time, the first reading first")
     if stamp_parts(sheet.names).get("nano") == clock.column and (steps < 0).any():
@@ -82,22 +97,22 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
 
 @dataclass(frozen=True)
 class _ClockSearch:
-    """The columns that the rules for the time look at."""
+    """A table whose time column the rules look for."""
 
     sheet: Sheet
     values: Floats  # (n, columns)
     choices: Mapping[str, str]
-    taken: Sequence[int]  # columns that are something else
+    taken: Sequence[int]  # columns of other roles
 
     @cached_property
     def parts(self) -> Mapping[str, int]:
-        """The columns of a stamp in two."""
+        """The columns of whole seconds and nanoseconds, if a stamp is in two columns."""
         return stamp_parts(self.sheet.names)
 
 
 @rule("--time COLUMN", "the time", Sureness.CHOSEN)
 def chosen_time(search: _ClockSearch) -> Sequence[int]:
-    """Return the column that a person states; raises LogError where it holds no numbers."""
+    """Return the column that a person states; raises LogError if it holds no numbers."""
     if "time" not in search.choices:
         return ()
     column = search.sheet.index_of("time", search.choices["time"])
@@ -125,7 +140,7 @@ def cells_of_clock(search: _ClockSearch) -> Sequence[int]:
 
 @rule("numbers that grow evenly, and do not count the rows", "the time", Sureness.GUESS)
 def even_growth(search: _ClockSearch) -> Sequence[int]:
-    """Return columns that nothing but their numbers makes a time."""
+    """Return columns that are a time by their numbers alone."""
     names = search.sheet.names
     free = [k for k in range(len(names)) if k not in search.taken and stated_role(names[k]) not in _OTHER_ROLES]
     return [k for k in free if _ticks(search.values[:, k])]
@@ -135,18 +150,21 @@ TIME_RULES = (chosen_time, name_begins_as_time, name_has_time, cells_of_clock, e
 
 
 def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int]) -> TimeColumn | None:
-    """Return the column that is the time by the surest rule; None where none can be it."""
+    """Return the time column by the surest rule; None without one."""
     search = _ClockSearch(sheet, values, choices, taken)
     if "time" not in choices and len(search.parts) == 2:
         return _time_in_two_columns(search)
     sureness: dict[int, Sureness] = {}
     for time_rule in TIME_RULES if "time" not in choices else (chosen_time,):
-        for k in time_rule(search):
-            sureness.setdefault(k, time_rule.sureness)
+        for column in time_rule(search):
+            sureness.setdefault(column, time_rule.sureness)
     # A column that restarts, as the time of a cycle does, comes last.
-    for k in sorted(sureness, key=lambda k: _falls(values[:, k])):
-        read = _time_of_day if k in sheet.layout.clocks else _time_in_unit
-        if (clock := read(search, k, sureness[k] > Sureness.GUESS)) is not None:
+    for column in sorted(sureness, key=lambda column: _falls(values[:, column])):
+        if column in sheet.layout.clocks:
+            clock = _time_of_day(search, column)
+        else:
+            clock = _time_in_unit(search, column, is_named=sureness[column] > Sureness.GUESS)
+        if clock is not None:
             return clock
     return None
 
@@ -155,52 +173,68 @@ def _time_in_two_columns(search: _ClockSearch) -> TimeColumn:
     """Return the time whose seconds and nanoseconds are in two columns."""
     whole, nano = search.parts["whole"], search.parts["nano"]
     time = {"column": search.sheet.column(whole), "unit": "s", "nanoseconds": search.sheet.column(nano)}
-    seconds: Floats = search.values[:, whole] + 1e-9 * search.values[:, nano]
+    seconds: Floats = search.values[:, whole] + _NANOSECOND * search.values[:, nano]
     return TimeColumn(seconds, {"time": time}, "seconds and nanoseconds are in two columns", whole)
 
 
-def _time_of_day(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | None:
-    """Return the time of a column of times of day; None for ones that stand still."""
-    steps = _steps(search.values[:, k])
-    if np.mean(steps == 0) > _ALIKE:
-        return _even_seconds(search.sheet, k, search.values[:, k])
+def _time_of_day(search: _ClockSearch, column: int) -> TimeColumn | None:
+    """Return the time of a column of times of day; None for one that stands still and has no whole seconds."""
+    values = search.values[:, column]
+    steps = _steps(values)
+    if np.mean(steps == 0) > _MAX_EQUAL_SHARE:
+        return _even_seconds(search.sheet, column, values)
     rate = f"{1.0 / float(np.mean(steps[steps > 0])):.4g} Hz" if (steps > 0).any() else "one row"
-    setting = {"time": {"column": search.sheet.column(k), "unit": CLOCK}}
-    return TimeColumn(search.values[:, k], setting, f"time of day: {rate}", k)
+    setting = {"time": {"column": search.sheet.column(column), "unit": CLOCK}}
+    return TimeColumn(values, setting, f"time of day: {rate}", column)
 
 
-def _time_in_unit(search: _ClockSearch, k: int, is_named: bool) -> TimeColumn | None:
-    """Return the time of a column in its unit, else in one in which its rate is that of a recording; None for none."""
-    sheet, steps = search.sheet, _steps(search.values[:, k])
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    unit = sheet.unit(k) or next((u for u in ("s", "ms", "us", "ns") if usual > 0 and _plausible(usual, u)), None)
-    if unit is None and is_named:
-        return _even_seconds(sheet, k, search.values[:, k])
-    if unit is None or si_unit(unit)[0] != "s":
+def _time_in_unit(search: _ClockSearch, column: int, is_named: bool) -> TimeColumn | None:
+    """Return the time of a column in its unit, else in the first unit in which its rate is that of a recording.
+
+    None for a column in a unit of anything else than time, and for one without a unit in which its rate is usual.
+    """
+    sheet, values = search.sheet, search.values[:, column]
+    steps = _steps(values)
+    usual_step = float(np.median(steps)) if len(steps) else 0.0
+    stated_unit = sheet.unit(column)
+    unit = stated_unit or _likely_unit(usual_step)
+    if unit is None:
+        return _even_seconds(sheet, column, values) if is_named else None
+    dimension, unit_size = si_unit(unit)
+    if dimension != "s":
         return None
-    seconds = search.values[:, k] * si_unit(unit)[1]
-    if is_named and (even := _even_seconds(search.sheet, k, seconds)) is not None:
-        return even
-    reason = f"taken as {unit}: {1.0 / (usual * si_unit(unit)[1]):.4g} Hz" if usual > 0 else f"in {unit}"
-    is_sure = is_named or sheet.unit(k) is not None
-    return TimeColumn(seconds, {"time": {"column": sheet.column(k), "unit": unit}}, reason, k, is_sure)
+    seconds = values * unit_size
+    if is_named and (even_clock := _even_seconds(sheet, column, seconds)) is not None:
+        return even_clock
+    reason = f"taken as {unit}: {1.0 / (usual_step * unit_size):.4g} Hz" if usual_step > 0 else f"in {unit}"
+    setting = {"time": {"column": sheet.column(column), "unit": unit}}
+    return TimeColumn(seconds, setting, reason, column, sure=is_named or stated_unit is not None)
 
 
-def _even_seconds(sheet: Sheet, k: int, seconds: Floats) -> TimeColumn | None:
+def _likely_unit(step: float) -> str | None:
+    """Return the first unit of time in which a step between rows is that of a recording; None for none."""
+    if step <= 0:
+        return None
+    return next((unit for unit in ("s", "ms", "us", "ns") if _is_usual_step(step, unit)), None)
+
+
+def _even_seconds(sheet: Sheet, column: int, seconds: Floats) -> TimeColumn | None:
     """Return the time of rows (n,) that share whole seconds, as evenly as they do; None for any other time."""
     if not np.isfinite(seconds).all():
         return None
     begins = np.flatnonzero(np.diff(seconds)) + 1  # rows with which a second begins
     if len(begins) < _MIN_SECONDS or (seconds % 1.0).any() or (seconds[begins] - seconds[begins - 1] != 1.0).any():
         return None
+    # Every whole second has about the same number of rows, and the first and the last second not more.
     counts = np.diff(begins)
-    usual = float(np.median(counts))
-    ends = max(begins[0], len(seconds) - begins[-1])
-    if usual < _MIN_SHARE or np.ptp(counts) > max(2.0, _UNEVEN * usual) or ends > usual + max(2.0, _UNEVEN * usual):
+    usual_count = float(np.median(counts))
+    tolerance = max(_MAX_ROW_DIFFERENCE, _MAX_UNEVENNESS * usual_count)
+    largest_end = max(begins[0], len(seconds) - begins[-1])
+    if usual_count < _MIN_ROWS_PER_SECOND or np.ptp(counts) > tolerance or largest_end > usual_count + tolerance:
         return None
-    rate = float(f"{(begins[-1] - begins[0]) / (len(begins) - 1):.6g}")
-    note = f"time: column {sheet.column(k)} has whole seconds; its {rate:g} rows in a second are taken as even"
-    return TimeColumn(np.arange(len(seconds)) / rate, {"rate": f"{rate:g} Hz"}, f"{rate:g} Hz", k, note=note)
+    rate = float(f"{(begins[-1] - begins[0]) / (len(begins) - 1):.{_RATE_DIGITS}g}")
+    note = f"time: column {sheet.column(column)} has whole seconds; its {rate:g} rows in a second are taken as even"
+    return TimeColumn(np.arange(len(seconds)) / rate, {"rate": f"{rate:g} Hz"}, f"{rate:g} Hz", column, note=note)
 
 
 def _steps(values: Floats) -> Floats:
@@ -213,13 +247,16 @@ def _falls(values: Floats) -> bool:
     return bool((_steps(values) < 0).any())
 
 
-def _plausible(step: float, unit: str) -> bool:
-    return RATES[0] <= 1.0 / (step * si_unit(unit)[1]) <= RATES[1]
+def _is_usual_step(step: float, unit: str) -> bool:
+    """Return True if a step of a time in a unit is one of the usual rates."""
+    lowest_rate, highest_rate = RATES
+    return lowest_rate <= 1.0 / (step * si_unit(unit)[1]) <= highest_rate
 
 
 def _ticks(values: Floats) -> bool:
     """Return True if a column always grows, evenly, and does not merely count the rows."""
     steps: Floats = np.asarray(np.diff(values), np.float64)
-    return bool(
-        len(steps) > 10 and (steps > 0).all() and float(steps.std()) < 0.5 * float(steps.mean()) and (steps != 1).any()
-    )
+    if len(steps) <= _MIN_TICKS or not (steps > 0).all():
+        return False
+    is_even = float(steps.std()) < _MAX_STEP_SCATTER * float(steps.mean())
+    return bool(is_even and (steps != 1).any())

@@ -1,4 +1,4 @@
-"""Where in a table the numbers begin, and what the lines above them say: names, units, values about the experiment."""
+"""The layout of a table: its first row of numbers, and above it names, units and values about the experiment."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ from palpate_records.tables.heading_rules import TopLines, heading_cells, with_g
 from palpate_records.tables.number_rows import ENOUGH_ROWS, RowBlock, block_of_rows, refuse_numbers_above
 from palpate_records.tables.table_text import bounded_lines
 
+# Choices.
 LINES = 400  # above the first row of numbers, at most
-_TITLES = 50  # lines above the names of a page, at most
-_BETWEEN = re.compile(r"[:=\t;,]")
-_LONGEST = 40, 60  # characters of a name and of its value
+_MAX_TITLE_LINES = 50  # above the names of a page
+_MIN_FACT_NAME = 2  # characters of a name of a value about the experiment
+_MAX_FACT_NAME, _MAX_FACT_VALUE = 40, 60  # characters of such a name, and of its value
+_FACT_SEPARATOR = re.compile(r"[:=\t;,]")
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,16 @@ class StatedValue:
 
 @dataclass(frozen=True)
 class TableLayout:
-    """Where a table's numbers are, and what is above them."""
+    """The rows and columns of numbers in a table, and the names, units and values above them."""
 
     begin: int  # lines above the first row of numbers
     width: int  # cells of a row
     names: tuple[str, ...] | None = None  # of the columns
-    units: tuple[str, ...] = ()  # in the row below the names, where there is one
+    units: tuple[str, ...] = ()  # in the row below the names, if there is one
     units_line: int = 0  # counted from 1
     facts: tuple[StatedValue, ...] = ()
     clocks: frozenset[int] = frozenset()  # columns of times of day
-    numbers: frozenset[int] = frozenset()  # columns with one in the first row
+    numbers: frozenset[int] = frozenset()  # columns with a number in the first row
     cell_units: tuple[str, ...] = ()  # behind the numbers of the first row
     groups: tuple[str, ...] = ()  # titles above the names, of columns whose names alone are not unique
 
@@ -52,71 +54,80 @@ class TableLayout:
 def one_table(
     rows: Iterable[TableRow], layout: TableLayout, dialect: Dialect, pages: Callable[[], int]
 ) -> Iterator[TableRow]:
-    """The rows of a table, up to the title of another one with the same names, but for the heads of its own pages.
+    """Yield the rows of a table and its pages without the headings of these, up to the title of another table.
 
-    `pages` is how many it has, 0 if nothing is known of tables below it, whose heads are rows then.
+    Another table begins with a further line of the same names. `pages` returns the number of pages; 0 if nothing is
+    known of tables below, whose headings are rows then.
     """
     names = [name.strip() for name in layout.names or ()]
-    above: list[TableRow] = []  # rows without readings, perhaps the title of the next page
-    page, is_head = 1, False
+    title_rows: list[TableRow] = []  # rows without readings, perhaps the title of the next page
+    page = 1
+    is_heading = False  # True between the names of a page and its first row
     for row in rows:
         _, cells = row
-        if len(above) == _TITLES or any(dialect.is_value(cells[k]) for k in layout.numbers if k < len(cells)):
-            yield from above
-            above.clear()
-            is_head = False
+        has_readings = any(dialect.is_value(cells[k]) for k in layout.numbers if k < len(cells))
+        if has_readings or len(title_rows) == _MAX_TITLE_LINES:
+            yield from title_rows
+            title_rows.clear()
+            is_heading = False
             yield row
         elif names and [cell.strip() for cell in cells] == names and pages():
-            page, is_head = page + 1, True
+            page += 1
+            is_heading = True
             if page > pages():
-                yield from (row for row in above if sum(map(bool, map(str.strip, row[1]))) > 1)
+                # A title has one filled cell: rows with more are the end of this table.
+                yield from (row for row in title_rows if sum(map(bool, map(str.strip, row[1]))) > 1)
                 return
-            above.clear()
-        elif not is_head:
-            above.append(row)
-    yield from above
+            title_rows.clear()
+        elif not is_heading:
+            title_rows.append(row)
+    yield from title_rows
 
 
 def first_lines(file: IO[str], path: Path, below: int = 0) -> list[str]:
-    """Return the lines by which a layout is found, those below a stated one."""
+    """Return the lines by which a layout is found: LINES of them, and as many more as a stated line is `below`."""
     return [line.replace("\0", "") for line in islice(bounded_lines(file, path), LINES + below)]
 
 
 def layout_of(
     path: Path, lines: Sequence[str], dialect: Dialect, header: int | None = None, units: int | None = None
 ) -> TableLayout:
-    """Return the layout by the first lines of a file; the lines of `header` and `units` as stated, 0 for none.
+    """Return the layout by the first lines of a file; `header` and `units` are the stated lines of these, 0 for none.
 
     Raises LogError without rows of numbers.
     """
+    # The rows of numbers, then the names and units above them.
     rows, block = _rows_and_block(path, lines, dialect, max(header or 0, units or 0))
-    top = TopLines(path, lines, block, dialect, header, units)
+    top = TopLines(path, lines, block, dialect, header=header, units=units)
     names, groups = with_groups(top) if top.names.cells else (None, ())
     first_row = rows[block.begin]
-    top_line = min((one.line for one in (top.names, top.unit_row) if one.line is not None), default=block.begin)
+    # Values about the experiment stand above names and units.
+    heading_lines = [heading.line for heading in (top.names, top.unit_row) if heading.line is not None]
+    top_line = min(heading_lines, default=block.begin)
     facts = (_fact(i + 1, line, dialect) for i, line in enumerate(lines[:top_line]))
     return TableLayout(
-        block.begin,
-        block.width if names is None else min(block.width, len(names)),
-        names,
-        tuple(plain_unit(cell) for cell in top.unit_row.cells),
-        0 if top.unit_row.line is None else top.unit_row.line + 1,
-        tuple(fact for fact in facts if fact is not None),
-        frozenset(k for k, cell in enumerate(first_row) if is_clock(cell) and not dialect.is_number(cell)),
-        frozenset(k for k, cell in enumerate(first_row) if dialect.is_value(cell)),
-        tuple(number_and_unit(cell)[1] for cell in first_row),
-        groups,
+        begin=block.begin,
+        width=block.width if names is None else min(block.width, len(names)),
+        names=names,
+        units=tuple(plain_unit(cell) for cell in top.unit_row.cells),
+        units_line=0 if top.unit_row.line is None else top.unit_row.line + 1,
+        facts=tuple(fact for fact in facts if fact is not None),
+        clocks=frozenset(k for k, cell in enumerate(first_row) if is_clock(cell) and not dialect.is_number(cell)),
+        numbers=frozenset(k for k, cell in enumerate(first_row) if dialect.is_value(cell)),
+        cell_units=tuple(number_and_unit(cell)[1] for cell in first_row),
+        groups=groups,
     )
 
 
 def _rows_and_block(path: Path, lines: Sequence[str], dialect: Dialect, above: int) -> tuple[list[list[str]], RowBlock]:
     """Return the cells of the first lines, and the rows of numbers below `above` lines; raises LogError without any."""
-    for looked in (lines[: 2 * ENOUGH_ROWS], lines):
-        if any('"' in line for line in looked):  # each by itself: a quotation mark that stands alone spoils no other
-            rows = [next(dialect.rows([line]), []) for line in looked]
+    for first_part in (lines[: 2 * ENOUGH_ROWS], lines):  # a part of the lines mostly is enough
+        if any('"' in line for line in first_part):
+            # Each line by itself: a single quotation mark would join the lines behind it to one cell.
+            rows = [next(dialect.rows([line]), []) for line in first_part]
         else:
-            rows = list(dialect.rows(looked))
-        skipped = {i for i, line in enumerate(looked) if not (text := line.lstrip()) or dialect.is_comment(text)}
+            rows = list(dialect.rows(first_part))
+        skipped = {i for i, line in enumerate(first_part) if not (text := line.lstrip()) or dialect.is_comment(text)}
         skipped |= {*range(above)}
         block = block_of_rows(rows, skipped, dialect)
         if block is not None and block.is_certain:
@@ -128,23 +139,25 @@ def _rows_and_block(path: Path, lines: Sequence[str], dialect: Dialect, above: i
 
 
 def _fact(line: int, text: str, dialect: Dialect) -> StatedValue | None:
-    """Return a name and its value, as in "Operator: A. B." or "Diameter";"14,0";"mm"."""
+    """Return the name and value in a line, as in "Operator: A. B." or "Diameter";"14,0";"mm"; None for any other."""
     cells = [cell.strip() for cell in heading_cells(text, dialect, 0) if cell.strip()]
     if len(cells) in (2, 3) and not cells[0].endswith((":", "=")):
-        words = " ".join(cells[1:])
-        return StatedValue(line, cells[0][:40], words[:60]) if not is_blank(words) else None
-    name, value = [*_BETWEEN.split(" ".join(cells), maxsplit=1), ""][:2]
-    name, value = name.strip(), value.strip().rstrip('\t;," ')
-    fits = 2 <= len(name) <= _LONGEST[0] and 1 <= len(value) <= _LONGEST[1]
-    return StatedValue(line, name.strip('"'), value.strip('"')) if fits else None
+        value = " ".join(cells[1:])
+        return StatedValue(line, cells[0][:_MAX_FACT_NAME], value[:_MAX_FACT_VALUE]) if not is_blank(value) else None
+    name, value = [*_FACT_SEPARATOR.split(" ".join(cells), maxsplit=1), ""][:2]
+    name = name.strip()
+    value = value.strip().rstrip('\t;," ')
+    if not (_MIN_FACT_NAME <= len(name) <= _MAX_FACT_NAME and 1 <= len(value) <= _MAX_FACT_VALUE):
+        return None
+    return StatedValue(line, name.strip('"'), value.strip('"'))
 
 
 def facts_worth_stating(facts: Sequence[StatedValue]) -> list[StatedValue]:
-    """Those on tip, sample, operator, rate and gain, which no column holds."""
-    return [fact for fact in facts if _STATED.search(fact.name)]
+    """Return the values on tip, sample, operator, rate and gain, which no column holds."""
+    return [fact for fact in facts if _WORTH_STATING.search(fact.name)]
 
 
-_STATED = re.compile(
+_WORTH_STATING = re.compile(
     r"\b(tip|probe|probenbezeichnung|indenter|ball|sphere|diameter|radius|durchmesser|sample|specimen|material|operator|"
     r"user|bediener|prüfer|rate|frequency|freq|frequenz|delta_x|interval|gain|sensitivity|thickness|dicke)\b|kugel",
     re.IGNORECASE,

@@ -1,15 +1,27 @@
-"""Whether a table was cut within its last number."""
+"""A last number of a table that was cut short."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from palpate_records.tables.binary_tables import is_binary_table
 
-_TAIL = 1 << 16  # [bytes] that are looked into
-_LINES = 100  # before the last one, of which none is as short by chance: one table in a hundred, where digits vary
+# Choices.
+_TAIL_SIZE = 1 << 16  # [bytes] of the end of a file that are looked into
+_MIN_LINES = 100  # above the last one: where digits vary, none of them is as short in one table of a hundred
 _NUMBER = re.compile(r"[+-]?(\d*)(?:\.(\d*))?(?:[eE][+-]?(\d+))?")
+
+
+@dataclass(frozen=True)
+class _DigitCounts:
+    """The numbers of digits of a number: before its point, behind it, and of its exponent."""
+
+    whole: int
+    decimals: int
+    exponent: int
 
 
 def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
@@ -18,6 +30,34 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
     Digits of the exponent, else behind the point, else of whole numbers: of a number that was cut, those that matter
     are the first to go. Tables written by hand often have no last end of line; a file that was packed is whole.
     """
+    lines = _unended_lines(path)
+    if lines is None:
+        return None
+    if decimal == ",":
+        lines = [line.replace(",", ".") for line in lines]
+    *lines_above, last_line = lines
+    last_cells = last_line.split(delimiter)
+    last_cell = last_cells[-1].strip()
+    digits = _digit_counts(last_cell)
+    digits_above = list(_digits_above(lines_above, delimiter, width=len(last_cells)))
+    if digits is None or len(digits_above) < _MIN_LINES:
+        return None
+    if digits.exponent < min(other.exponent for other in digits_above):
+        return last_cell
+    if digits.exponent:
+        return None
+    has_whole_numbers = not any(other.decimals or other.exponent for other in digits_above)
+    has_fewer_digits = has_whole_numbers and digits.whole < min(other.whole for other in digits_above)
+    has_fewer_decimals = digits.decimals < min(other.decimals for other in digits_above)
+    return last_cell if has_fewer_decimals or has_fewer_digits else None
+
+
+def _unended_lines(path: Path) -> list[str] | None:
+    """Return the whole lines at the end of a text, if the last one has no end.
+
+    None for any other file, and for text in UTF-16 or with quotation marks, whose cells are not those between the
+    separators.
+    """
     if path.suffix.lower() == ".gz" or is_binary_table(path):
         return None
     with path.open("rb") as file:
@@ -25,29 +65,27 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
         file.seek(max(size - 1, 0))
         if file.read() in b"\r\n":
             return None
-        file.seek(max(size - _TAIL, 0))
+        file.seek(max(size - _TAIL_SIZE, 0))
         text = file.read().decode(errors="replace")
-    if "\0" in text:  # UTF-16
+    if "\0" in text or '"' in text:
         return None
-    text = text.replace(",", ".") if decimal == "," else text
-    *above, last = text.splitlines() or [""]
-    if '"' in text:
-        return None
-    cells = [line.split(delimiter) for line in above[size > _TAIL :]]
-    width, cell = last.count(delimiter) + 1, last.split(delimiter)[-1].strip()
-    others = [shape for row in cells if len(row) == width and (shape := _shape(row[-1].strip()))]
-    mine = _shape(cell)
-    if mine is None or len(others) < _LINES:
-        return None
-    whole, point, exponent = (min(digits) for digits in zip(*others, strict=True))
-    if mine[2] < exponent:
-        return cell
-    of_whole_numbers = not any(decimals or power for _, decimals, power in others)
-    shorter = mine[1] < point or (of_whole_numbers and mine[0] < whole)
-    return cell if shorter and not mine[2] else None
+    lines = text.splitlines() or [""]
+    has_cut_line = size > _TAIL_SIZE
+    return [*lines[:-1][has_cut_line:], lines[-1]]
 
 
-def _shape(cell: str) -> tuple[int, int, int] | None:
-    """Return how many digits a number has before the point, behind it and in its exponent."""
-    found = _NUMBER.fullmatch(cell)
-    return (len(found[1]), len(found[2] or ""), len(found[3] or "")) if found and cell else None
+def _digits_above(lines: Iterable[str], delimiter: str, width: int) -> Iterator[_DigitCounts]:
+    """Yield the digits of the last number in each line with as many cells as the last line."""
+    for line in lines:
+        cells = line.split(delimiter)
+        digits = _digit_counts(cells[-1].strip()) if len(cells) == width else None
+        if digits is not None:
+            yield digits
+
+
+def _digit_counts(cell: str) -> _DigitCounts | None:
+    """Return the digits of a number; None for any other cell."""
+    match = _NUMBER.fullmatch(cell)
+    if match is None or not cell:
+        return None
+    return _DigitCounts(len(match[1]), len(match[2] or ""), len(match[3] or ""))

@@ -1,4 +1,4 @@
-"""How a table is written: what stands between its columns, its decimals and thousands, its comments."""
+"""The dialect of a table: the marks between columns, of decimals and thousands, and of comments."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from palpate_records.tables.clock_times import seconds_of_day
 
 MARKS = ("#", "%", "//", ";", "!")  # at the beginning of a line that is a comment
 _SEPARATORS = ("\t", ";", ",", " ")
-_LOOKED = 15  # lines, the longest and the last, among which numbers are likeliest
-_SPACES = " \u00a0\u202f"  # any of which stands between thousands where a space does
+_PROBE_LINES = 15  # the longest and the last ones, among which numbers are likeliest: a choice
+_SINGLE_NUMBER_WEIGHT = 0.5  # of a row with one number alone, which may be text with a number: a choice
+_SPACES = " \u00a0\u202f"  # spaces between thousands, of any width
 _BLANKS = ("", "-", "--", "n/a", "none", "null")
 TableRow = tuple[int, list[str]]  # a line, counted from 1, and its cells
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written."""
+    """The marks of a table between columns, of decimals and thousands, and of comments."""
 
     delimiter: str = ","
     decimal: str = "."
@@ -68,69 +69,81 @@ def is_clock(cell: str) -> bool:
 
 
 def is_blank(cell: str) -> bool:
-    """Return True if a cell holds nothing."""
+    """Return True if a cell is empty or holds a mark for nothing."""
     return cell.strip().lower() in _BLANKS
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """Return the likeliest dialect of lines: that in which most of their cells are numbers, and fewest are text."""
-    late = lines[len(lines) // 2 :]
-    likeliest = [*sorted(late, key=len)[-_LOOKED:], *late[-_LOOKED:]]
-    different: dict[tuple[str, str, str], Dialect] = {}
+    """Return the likeliest dialect of lines: that in which most cells are numbers, and of such the fewest are text."""
+    last_half = lines[len(lines) // 2 :]
+    probe_lines = [*sorted(last_half, key=len)[-_PROBE_LINES:], *last_half[-_PROBE_LINES:]]
+    # Dialects that read these lines alike are compared once.
+    candidates: dict[tuple[str, str, str], Dialect] = {}
     for dialect in _dialects(lines):
-        different.setdefault(_marks_in("".join(likeliest), dialect), dialect)
-    best = max(different.values(), key=partial(_score, likeliest))
-    return replace(best, comment=_comment(lines, best))
+        candidates.setdefault(_marks_in("".join(probe_lines), dialect), dialect)
+    best = max(candidates.values(), key=partial(_score, probe_lines))
+    return replace(best, comment=_comment_mark(lines, best))
 
 
 def _marks_in(text: str, dialect: Dialect) -> tuple[str, str, str]:
-    """Return the marks of a dialect that a text holds: it has the same cells in all dialects with the same of them."""
+    """Return the marks of a dialect that a text holds; in dialects with the same of them it has the same cells."""
     delimiter = dialect.delimiter if dialect.delimiter in text or '"' in text else ""
     decimal = dialect.decimal if "." in text or "," in text else ""
-    alike = _SPACES if dialect.thousands == " " else dialect.thousands
-    return delimiter, decimal, dialect.thousands if any(mark in text for mark in alike) else ""
+    thousands_marks = _SPACES if dialect.thousands == " " else dialect.thousands
+    thousands = dialect.thousands if any(mark in text for mark in thousands_marks) else ""
+    return delimiter, decimal, thousands
 
 
 def _dialects(lines: Sequence[str]) -> Iterator[Dialect]:
-    quoted = any('"' in line for line in lines)
+    """Yield all dialects, the usual ones first; a mark between columns is in cells only if these are quoted."""
+    is_quoted = any('"' in line for line in lines)
     for delimiter in _SEPARATORS:
         yield Dialect(delimiter)
-    for delimiter in _SEPARATORS if quoted else [s for s in _SEPARATORS if s != ","]:
-        yield Dialect(delimiter, ",")
+    for delimiter in _SEPARATORS:
+        if is_quoted or delimiter != ",":
+            yield Dialect(delimiter, ",")
     for delimiter in _SEPARATORS:
         for decimal, marks in ((".", (",", " ", "'")), (",", (".", " ", "'"))):
-            allowed = (mark for mark in marks if quoted or delimiter not in (mark, decimal))
-            yield from (Dialect(delimiter, decimal, mark) for mark in allowed)
+            for thousands in marks:
+                if is_quoted or delimiter not in (thousands, decimal):
+                    yield Dialect(delimiter, decimal, thousands)
 
 
 def _score(lines: Sequence[str], dialect: Dialect) -> tuple[float, float]:
-    """Numbers and text in the usual row, over the rows."""
-    numbers, texts = [], []
+    """Return the numbers in the usual row times the rows with a number, then minus the cells of text in these."""
+    number_counts, text_counts = [], []
     for cells in dialect.rows(lines):
-        values = sum(map(dialect.is_value, cells))
-        if values:
-            numbers.append(values)
-            texts.append(sum(not is_blank(cell) for cell in cells) - values)
-    if not numbers:
+        number_count = sum(map(dialect.is_value, cells))
+        if number_count:
+            number_counts.append(number_count)
+            text_counts.append(sum(not is_blank(cell) for cell in cells) - number_count)
+    if not number_counts:
         return 0.0, 0.0
-    usual = float(np.median(numbers))
-    return (usual if usual >= 2 else 0.5 * usual) * len(numbers), -float(np.sum(texts))
+    usual_count = float(np.median(number_counts))
+    weight = usual_count if usual_count >= 2 else _SINGLE_NUMBER_WEIGHT * usual_count
+    return weight * len(number_counts), -float(np.sum(text_counts))
 
 
-def _comment(lines: Sequence[str], dialect: Dialect) -> str:
+def _comment_mark(lines: Sequence[str], dialect: Dialect) -> str:
+    """Return the first mark with which a line begins, "#" without one."""
     begins = {line.lstrip()[:2] for line in lines}
     marks = [mark for mark in MARKS if mark != dialect.delimiter]
     return next((mark for mark in marks if any(begin.startswith(mark) for begin in begins)), "#")
 
 
 def grouped_or_decimal(columns: Iterable[Sequence[str]], dialect: Dialect) -> str | None:
-    """What the mark in numbers such as ``1,234`` is: "decimal", "thousands", None where neither is certain."""
+    """Return the meaning of the mark in numbers such as ``1,234``: "decimal", "thousands", None if neither is certain.
+
+    It is that of thousands in a column whose other numbers are whole and below a thousand.
+    """
     mark = dialect.decimal
-    with_mark = [cell for cells in columns for cell in cells if mark in cell]
-    if not with_mark or not all(is_grouped(cell, "." if mark == "," else ",", mark) for cell in with_mark):
+    cells_with_mark = [cell for cells in columns for cell in cells if mark in cell]
+    thousands_decimal = "." if mark == "," else ","
+    if not cells_with_mark or not all(is_grouped(cell, thousands_decimal, mark) for cell in cells_with_mark):
         return "decimal"
     for cells in columns:
-        plain = [abs(number(cell)) for cell in cells if mark not in cell and dialect.is_number(cell)]
-        if any(mark in cell for cell in cells) and plain:
-            return "thousands" if max(plain) < 1000 and min(plain) == int(min(plain)) else "decimal"
+        plain_numbers = [abs(number(cell)) for cell in cells if mark not in cell and dialect.is_number(cell)]
+        if plain_numbers and any(mark in cell for cell in cells):
+            is_below_thousand = max(plain_numbers) < 1000 and min(plain_numbers) == int(min(plain_numbers))
+            return "thousands" if is_below_thousand else "decimal"
     return None if mark == "," else "decimal"

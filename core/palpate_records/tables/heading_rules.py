@@ -24,14 +24,14 @@ _OTHER_UNITS = re.compile(
 _DIVIDER = re.compile(
     r"[\W_]+|\W*(eoh|end[ _-]?of[ _-]?header|header[ _-]?end|data|begin(?:[ _]data)?)\W*", re.IGNORECASE
 )
-_COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # what begins a comment with names, and with units
+_COLUMNS, _UNITS = "columns|fields|names|column names", "units"  # begins of comments with names, and with units
 _SEQUENCE, _VOLT = "sequence", "volt"  # as Rigol writes them
-_REACH = 3  # lines above the rows, without blank ones, in which names and units stand
+_MAX_HEADING_LINES = 3  # above the rows, without blank ones, in which names and units are: a choice
 
 
 @dataclass(frozen=True)
 class TopLines:
-    """The first lines of a file, and where its rows of numbers begin."""
+    """The first lines of a file, with its rows of numbers."""
 
     path: Path
     lines: Sequence[str]
@@ -41,7 +41,7 @@ class TopLines:
     units: int | None = None  # that of the units
 
     def __post_init__(self) -> None:
-        """Raise LogError where a stated line holds numbers."""
+        """Raise LogError for a stated line that holds numbers."""
         for key, line in (("header", self.header), ("units", self.units)):
             if not line:
                 continue
@@ -61,20 +61,20 @@ class TopLines:
         cells = self.cells(line)
         if self.block.width == 1:
             return not any(map(self.dialect.is_value, cells))
-        # Where spaces separate, and in comments, a sentence has cells, too.
+        # A sentence in a comment, or with separating spaces, has cells as well, but hardly as many as the table.
         is_loose = self.dialect.delimiter == " " or self.dialect.is_comment(self.lines[line])
         return is_header(cells, self.dialect) and not (is_loose and abs(len(cells) - self.block.width) > 1)
 
     @cached_property
     def headings(self) -> list[int]:
         """The lines directly above the rows that can be names or units, the lowest first."""
-        above = [
-            i
-            for i in range(self.block.begin - 1, -1, -1)
-            if (text := self.lines[i].strip()) and not _DIVIDER.fullmatch(text)
-        ]
+        lines_above = []
+        for i in range(self.block.begin - 1, -1, -1):
+            text = self.lines[i].strip()
+            if text and not _DIVIDER.fullmatch(text):
+                lines_above.append(i)
         headings: list[int] = []
-        for i in above[:_REACH]:
+        for i in lines_above[:_MAX_HEADING_LINES]:
             if not self.fits(i):
                 break
             headings.append(i)
@@ -90,9 +90,9 @@ class TopLines:
         """The units of the columns that stand apart from the names; no cells without any."""
         return decision(UNIT_RULES, self) or Heading()
 
-    def comment_cells(self, words: str) -> tuple[str, ...] | None:
-        """Return the cells behind a word in a comment above the rows, as in "# units: m N s"; None where none fits."""
-        pattern = re.compile(rf"[\s{''.join(MARKS)}]+(?:{words})\s*[:=]\s*(.+)", re.IGNORECASE)
+    def comment_cells(self, pattern_of_begin: str) -> tuple[str, ...] | None:
+        """Return the cells behind a word in a comment above the rows, as in "# units: m N s"; None if none fits."""
+        pattern = re.compile(rf"[\s{''.join(MARKS)}]+(?:{pattern_of_begin})\s*[:=]\s*(.+)", re.IGNORECASE)
         for line in reversed(self.lines[: self.block.begin]):
             if (match := pattern.fullmatch(line.rstrip("\r\n"))) is None:
                 continue
@@ -104,7 +104,7 @@ class TopLines:
 
 @dataclass(frozen=True)
 class Heading:
-    """Cells above the columns, and their line counted from 0; None for a comment that has them all, or without any."""
+    """Cells above the columns, and their line counted from 0; None for those of a comment, and without cells."""
 
     cells: tuple[str, ...] = ()
     line: int | None = None
@@ -202,37 +202,48 @@ def are_units(cells: Sequence[str]) -> bool:
 
 
 def with_groups(top: TopLines) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names, with those of the line above where they alone are not unique; and these."""
-    cells, at = list(top.names.cells), top.names.line
-    above = top.cells(at - 1) if at and top.fits(at - 1) else []
-    filled, groups = [cell for cell in cells if cell], list[str]()
-    if above and len(above) <= len(cells) and len({*filled}) < len(filled):
-        for k in range(len(cells)):
-            groups.append(above[k] if k < len(above) and above[k] else groups[-1] if groups else "")
-        cells = [f"{group} {cell}".strip() for group, cell in zip(groups, cells, strict=True)]
-    return tuple(name or str(k) for k, name in enumerate(cells)), tuple(groups)
+    """Return the names of the columns, and the titles of groups of columns from the line above them.
+
+    Titles are put before names only if these alone are not unique; else none is returned.
+    """
+    names = list(top.names.cells)
+    line = top.names.line
+    cells_above = top.cells(line - 1) if line and top.fits(line - 1) else []
+    filled_names = [name for name in names if name]
+    groups = list[str]()
+    if cells_above and len(cells_above) <= len(names) and len({*filled_names}) < len(filled_names):
+        # A title stands above the first column of its group.
+        title = ""
+        for k in range(len(names)):
+            if k < len(cells_above) and cells_above[k]:
+                title = cells_above[k]
+            groups.append(title)
+        names = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
+    return tuple(name or str(k) for k, name in enumerate(names)), tuple(groups)
 
 
 def heading_cells(line: str, dialect: Dialect, width: int) -> list[str]:
     """Return the cells of a line above the numbers, without the mark of a comment; units stay with their names."""
     text = line.strip("\r\n")
     mark = next((mark for mark in MARKS if mark != dialect.delimiter and text.lstrip().startswith(mark)), "")
-    text = text.lstrip().removeprefix(mark).lstrip(mark).lstrip(" ") if mark else text
+    if mark:
+        text = text.lstrip().removeprefix(mark).lstrip(mark).lstrip(" ")
     cells = [cell.strip().lstrip("\ufeff") for cell in next(dialect.rows([text]), [])]
-    if dialect.delimiter != " " and len(cells) != width:
-        spaced = _spaced(text, width)
-        if mark and len(cells) == 1 and len(spaced) == width:
-            return spaced
-    return _spaced(text, width) if dialect.delimiter == " " and len(cells) != width else cells
+    if len(cells) == width:
+        return cells
+    spaced_names = _spaced_names(text, width)
+    # A comment may have names between spaces, whatever stands between the numbers.
+    is_spaced_comment = bool(mark) and len(cells) == 1 and len(spaced_names) == width
+    return spaced_names if dialect.delimiter == " " or is_spaced_comment else cells
 
 
-def _spaced(text: str, width: int) -> list[str]:
-    """Return names between spaces, to which a unit in brackets belongs; those that are as many as the columns."""
-    by_gap = re.split(r"\s{2,}|\t", text.strip())
-    joined = re.sub(r"\s+([\[(])", r"\1", text.strip()).split()
-    by_unit = re.split(r"(?<=[\])])\s+", text.strip())  # "Height (m) Vertical Deflection (N)"
-    if len(joined) != width:
-        for names in (by_gap, by_unit):
+def _spaced_names(text: str, width: int) -> list[str]:
+    """Return names between spaces, which belong to a unit in brackets behind them; as many as columns if possible."""
+    names_by_gap = re.split(r"\s{2,}|\t", text.strip())
+    names_by_space = re.sub(r"\s+([\[(])", r"\1", text.strip()).split()
+    names_by_unit = re.split(r"(?<=[\])])\s+", text.strip())  # "Height (m) Vertical Deflection (N)"
+    if len(names_by_space) != width:
+        for names in (names_by_gap, names_by_unit):
             if len(names) == width > 1:
                 return names
-    return by_gap if len(by_gap) > 1 and len(by_gap) >= len(joined) else joined
+    return names_by_gap if len(names_by_gap) > 1 and len(names_by_gap) >= len(names_by_space) else names_by_space

@@ -11,8 +11,10 @@ from palpate import LogError
 from palpate_records.tables.cells import POINTS, has_decimal_comma
 from palpate_records.tables.dialect import Dialect
 
+# Choices.
 ENOUGH_ROWS = 50  # that are certainly those of the table, so that more lines do not change it
 MIN_ROWS = 3  # fewer are numbers by chance: results of a test above its readings
+_MAX_EXAMPLE = 20  # characters of a cell in a message
 
 
 @dataclass(frozen=True)
@@ -37,17 +39,18 @@ def is_header(cells: Sequence[str], dialect: Dialect) -> bool:
 
 
 def block_of_rows(rows: Sequence[Sequence[str]], skipped: Collection[int], dialect: Dialect) -> RowBlock | None:
-    """Return the longest block of rows of numbers, with what belongs to it above; None without one.
+    """Return the longest block of rows of numbers, from the first block above it on that is of the same table.
 
-    What stands above a line that does not fit is not left out.
+    None without rows of numbers. A line that does not fit between blocks does not separate them.
     """
     blocks = _blocks(rows, skipped, dialect)
     if not blocks:
         return None
+    # A block with several numbers in a row goes before any list of single numbers.
     longest = max(blocks, key=lambda block: (block.numbers >= 2, block.rows))
     first = _first_part(longest, blocks, rows, dialect)
     begin = first.begin
-    # A row of empty cells is one of readings that are missing.
+    # A row of empty cells has missing readings.
     while begin and begin - 1 not in skipped and len(rows[begin - 1]) == first.width > 1 and not any(rows[begin - 1]):
         begin -= 1
     return replace(first, begin=begin)
@@ -60,13 +63,13 @@ def _blocks(rows: Sequence[Sequence[str]], skipped: Collection[int], dialect: Di
     for i, cells in enumerate(rows):
         if i in skipped:
             continue
-        numbers = sum(map(dialect.is_value, cells))
-        if numbers and follows_row and blocks[-1].width == len(cells):
+        number_count = sum(map(dialect.is_value, cells))
+        if number_count and follows_row and blocks[-1].width == len(cells):
             block = blocks[-1]
-            blocks[-1] = RowBlock(block.begin, block.rows + 1, block.width, max(block.numbers, numbers))
-        elif numbers:
-            blocks.append(RowBlock(i, 1, len(cells), numbers))
-        follows_row = numbers > 0
+            blocks[-1] = RowBlock(block.begin, block.rows + 1, block.width, max(block.numbers, number_count))
+        elif number_count:
+            blocks.append(RowBlock(i, 1, len(cells), number_count))
+        follows_row = number_count > 0
         if blocks and blocks[-1].is_certain:
             break
     return blocks
@@ -80,8 +83,8 @@ def _first_part(
         is_alike = block.width == longest.width and block.numbers >= longest.numbers
         if block.begin >= longest.begin or not is_alike:
             continue
-        between = rows[block.begin + block.rows : longest.begin]
-        if block.rows >= MIN_ROWS or not any(is_header(cells, dialect) for cells in between):
+        rows_between = rows[block.begin + block.rows : longest.begin]
+        if block.rows >= MIN_ROWS or not any(is_header(cells, dialect) for cells in rows_between):
             return block
     return longest
 
@@ -90,13 +93,19 @@ def refuse_numbers_above(
     path: Path, rows: Sequence[Sequence[str]], skipped: Collection[int], block: RowBlock | None, dialect: Dialect
 ) -> None:
     """Raise LogError for lines above the rows of numbers that may be such rows, too."""
-    above = [i for i in range(block.begin if block else len(rows)) if i not in skipped]
-    for i in above if dialect.decimal == "." else ():
-        comma = next((cell for cell in rows[i] if has_decimal_comma(cell)), None)
-        if comma is not None and (block is None or len(rows[i]) == block.width):
-            raise LogError(f"{path}:{i + 1}: its numbers have decimal commas ({comma.strip()[:20]!r}): {POINTS}")
-    if block is not None and above and dialect.is_value(next(iter(rows[above[-1]]), "")):
-        raise LogError(
-            f"{path}:{above[-1] + 1}: the line has {len(rows[above[-1]])} cells, those below it {block.width}; "
-            "header = LINE states where the names are"
-        )
+    lines_above = [i for i in range(block.begin if block else len(rows)) if i not in skipped]
+    # Rows with decimal commas, which are not numbers in this dialect.
+    if dialect.decimal == ".":
+        for line in lines_above:
+            cell = next((cell for cell in rows[line] if has_decimal_comma(cell)), None)
+            if cell is not None and (block is None or len(rows[line]) == block.width):
+                example = cell.strip()[:_MAX_EXAMPLE]
+                raise LogError(f"{path}:{line + 1}: its numbers have decimal commas ({example!r}): {POINTS}")
+    # A row of another width directly above the first.
+    if block is not None and lines_above:
+        last_line = lines_above[-1]
+        if dialect.is_value(next(iter(rows[last_line]), "")):
+            raise LogError(
+                f"{path}:{last_line + 1}: the line has {len(rows[last_line])} cells, those below it {block.width}; "
+                "header = LINE states where the names are"
+            )

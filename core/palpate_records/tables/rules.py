@@ -1,4 +1,4 @@
-"""Rules by which a table is read: each looks at one thing, decides one, and says how sure it is of that."""
+"""Rules by which a table is read: each looks at one thing, decides one, and states how sure it is."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Sureness(IntEnum):
 
 @dataclass(frozen=True)
 class Rule(Generic[Evidence, Decision]):
-    """One rule; `decide` returns None where it does not apply."""
+    """A rule; `decide` returns None if the rule does not apply."""
 
     decide: Callable[[Evidence], Decision]
     looks_at: str
@@ -35,24 +35,25 @@ class Rule(Generic[Evidence, Decision]):
         return self.decide.__name__
 
     def __call__(self, evidence: Evidence) -> Decision:
-        """Return what the rule decides."""
+        """Return the decision of the rule."""
         return self.decide(evidence)
 
 
 def rule(
     looks_at: str, decides: str, sureness: Sureness
 ) -> Callable[[Callable[[Evidence], Decision]], Rule[Evidence, Decision]]:
-    """Make a rule of a function."""
+    """Return the decorator that makes a function a rule."""
 
     def make(decide: Callable[[Evidence], Decision]) -> Rule[Evidence, Decision]:
+        """Return the rule whose decision a function makes."""
         return Rule(decide, looks_at, decides, sureness)
 
     return make
 
 
 def decision(rules: Sequence[Rule[Evidence, Decision | None]], evidence: Evidence) -> Decision | None:
-    """Return what the surest rule that applies decides, of equally sure ones the first; None if none applies."""
+    """Return the decision of the surest rule that applies, of equally sure ones the first; None if none applies."""
     for candidate in sorted(rules, key=lambda candidate: -candidate.sureness):
-        if (result := candidate(evidence)) is not None:
-            return result
+        if (verdict := candidate(evidence)) is not None:
+            return verdict
     return None

@@ -1,4 +1,4 @@
-"""The form of a table, remembered by the lines above its numbers: the files of a folder mostly have the same."""
+"""The forms of tables, cached by the lines above their numbers: the files of a folder mostly have the same."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from palpate_records.tables.dialect import Dialect
 from palpate_records.tables.number_rows import ENOUGH_ROWS
 from palpate_records.tables.plain_numbers import plain_numbers
 
-_MAX_FORMS = 64  # that are remembered, some kB each: a choice
+_MAX_FORMS = 64  # in the cache, some kB each: a choice
 # A mark that no thousands have: behind a leading zero or four digits, or not before exactly three.
 _FRACTION = {mark: re.compile(rf"(?<!\d)0[{mark}]|\d{{4}}[{mark}]|[{mark}](?!\d{{3}}(?!\d))") for mark in ".,"}
 
@@ -27,29 +27,27 @@ class TableForm:
     def is_of(self, lines: Sequence[str]) -> bool:
         """Return True if the first lines of a file can have no other dialect and layout.
 
-        They do if the head is the same, and all below it is rows of numbers in this dialect, as many as settle both,
-        each with a fraction: any other dialect then has fewer numbers in a row, or more text (0620).
+        The head is the same, and enough rows of numbers in this dialect follow, each with a fraction: in any other
+        dialect these have fewer numbers in a row, or more text (0620).
         """
-        count, rows = len(self.head), lines[len(self.head) :]
-        return (
-            len(rows) >= max(count, ENOUGH_ROWS)
-            and count <= ENOUGH_ROWS
-            and tuple(lines[:count]) == self.head
-            and self.layout.width > 1
-            and all(map(_FRACTION[self.dialect.decimal].search, rows))
-            and plain_numbers("".join(rows), self.dialect, self.layout.width) is not None
-        )
+        count = len(self.head)
+        rows = lines[count:]
+        if len(rows) < max(count, ENOUGH_ROWS) or count > ENOUGH_ROWS or self.layout.width <= 1:
+            return False
+        if tuple(lines[:count]) != self.head or not all(map(_FRACTION[self.dialect.decimal].search, rows)):
+            return False
+        return plain_numbers("".join(rows), self.dialect, self.layout.width) is not None
 
 
-_forms: dict[Hashable, TableForm] = {}  # of this process, by their first line and what is stated of them
+_forms: dict[Hashable, TableForm] = {}  # of this process, by their stated keys and first line
 
 
 def table_form(
     lines: Sequence[str], stated: Hashable, look: Callable[[], tuple[Dialect, TableLayout]]
 ) -> tuple[Dialect, TableLayout]:
-    """Return the dialect and layout of a file by its first lines: a form that is remembered, else what `look` returns.
+    """Return the dialect and layout of a file by its first lines: of a form in the cache, else those from `look`.
 
-    What `look` returns, and whether it raises, depends on the lines and on what is `stated` alone.
+    The results and errors of `look` may depend on the lines and on the `stated` keys alone.
     """
     key = stated, *lines[:1]
     form = _forms.get(key)

@@ -1,8 +1,8 @@
-"""One of several records in a table file: which of its rows and columns are its own."""
+"""One of several records in a table file, with its rows and columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from palpate_records.tables.csv_layout import TableLayout
@@ -18,35 +18,42 @@ class TableRecord:
     name: str
     sheet: str | None = None  # of a workbook
     header: int | None = None  # line of its names, of tables under each other
-    pages: int = 1  # tables under each other that it goes on through
+    pages: int = 1  # tables under each other through which it continues
     naming: tuple[int, ...] = ()  # columns that name it
-    texts: tuple[str, ...] = ()  # what these hold in its rows
+    texts: tuple[str, ...] = ()  # of these columns in its rows
     cells: tuple[int, ...] = ()  # its columns, of tables side by side
-    names: tuple[str, ...] = ()  # of these
+    names: tuple[str, ...] = ()  # of its columns
 
     def layout(self, whole: TableLayout) -> TableLayout:
-        """Return the layout of its own cells."""
+        """Return the layout of its columns, by that of the whole table."""
         if not self.cells:
             return whole
-        units, own = (
-            tuple(row[k] if k < len(row) else "" for k in self.cells) if row else ()
-            for row in (whole.units, whole.cell_units)
+        return replace(
+            whole,
+            width=len(self.cells),
+            names=self.names,
+            units=self._own_cells(whole.units) if whole.units else (),
+            clocks=frozenset(index for index, column in enumerate(self.cells) if column in whole.clocks),
+            cell_units=self._own_cells(whole.cell_units) if whole.cell_units else (),
         )
-        clocks = frozenset(place for place, k in enumerate(self.cells) if k in whole.clocks)
-        return replace(whole, width=len(self.cells), names=self.names, units=units, clocks=clocks, cell_units=own)
 
     def rows(self, rows: Iterable[TableRow]) -> Iterator[TableRow]:
-        """Yield its own cells of the rows that are its own; a cell that is empty names what that above it does."""
-        current = [""] * len(self.naming)
+        """Yield its cells of its rows; an empty cell in a column that names records stands for the one above it."""
+        current_texts = [""] * len(self.naming)
         for line, cells in rows:
-            for i, k in enumerate(self.naming):
-                current[i] = (cells[k].strip() if k < len(cells) else "") or current[i]
-            if tuple(current) == self.texts:
-                yield line, self._picked(cells)
+            for i, column in enumerate(self.naming):
+                text = cells[column].strip() if column < len(cells) else ""
+                current_texts[i] = text or current_texts[i]
+            if tuple(current_texts) == self.texts:
+                yield line, self._cells_of_row(cells)
 
-    def _picked(self, cells: list[str]) -> list[str]:
-        """Its own cells of a row; none where all are empty, since it is shorter than those next to it."""
+    def _cells_of_row(self, cells: list[str]) -> list[str]:
+        """Return its cells of a row; no cells if all are empty: other tables, side by side with it, are longer."""
         if not self.cells:
             return cells
-        mine = [cells[k] if k < len(cells) else "" for k in self.cells]
-        return mine if any(cell.strip() for cell in mine) else []
+        own_cells = [*self._own_cells(cells)]
+        return own_cells if any(cell.strip() for cell in own_cells) else []
+
+    def _own_cells(self, cells: Sequence[str]) -> tuple[str, ...]:
+        """Return the cells of its columns; empty behind the end of the row."""
+        return tuple(cells[column] if column < len(cells) else "" for column in self.cells)

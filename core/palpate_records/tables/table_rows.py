@@ -19,11 +19,11 @@ def rows_below(
     pages: Callable[[], int],
     footer: list[list[str]],
 ) -> Iterator[TableRow]:
-    """Yield the rows of a table, or of a record in it, that stand in lines below `above` rows; a comment has no cells.
+    """Yield the rows of a table, or of a record in it, in lines that follow `above` rows; a comment has no cells.
 
-    `pages` as in `one_table`. What stands below the table goes to `footer`.
+    `pages` as in `one_table`. The cells of lines below the table are added to `footer`.
     """
     without_comments = ("\n" if dialect.is_comment(line) else line for line in lines)
     rows = enumerate(dialect.rows(without_comments), layout.begin + above + 1)
-    whole = without_footer(one_table(rows, layout, dialect, pages), layout.numbers, dialect, footer, above)
-    return whole if record is None else record.rows(whole)
+    table_rows = without_footer(one_table(rows, layout, dialect, pages), layout.numbers, dialect, footer, above)
+    return table_rows if record is None else record.rows(table_rows)
