@@ -1,4 +1,4 @@
-"""What palpate writes at the head of an MCAP log besides messages: the pipeline's texts, and facts of the run."""
+"""The texts of the pipeline and the facts of the run that palpate writes at the head of an MCAP log."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from palpate_records.recording import LogAttachments
 
 
 def attached_to(path: Path) -> LogAttachments:
-    """Texts and facts that stand before the first message; what a damaged head leaves of them. Raises LogError."""
+    """Return the texts and facts before the first message, without damaged ones; raises LogError."""
     documents: dict[str, str] = {}
     facts: dict[str, str] = {}
     for opcode, content in head_extras(path):
-        with suppress(records.Damage, UnicodeDecodeError):  # the log's own reader says what is damaged
+        with suppress(records.Damage, UnicodeDecodeError):  # the reader of the messages reports damage
             if opcode == records.ATTACHMENT:
                 attachment = read_attachment(content)
                 documents[attachment.name] = attachment.content.decode("utf-8")

@@ -1,4 +1,4 @@
-"""A new MCAP log of chunks that are there already: copied as they are, with an index of its own."""
+"""A new MCAP log of the chunks of another one: copied as they are, with a new index."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ from palpate_records.mcap.mcap_extras import Attachment
 from palpate_records.messages.topics import Stamps, Topic
 
 _LIBRARY = "palpate recover"
-_COPIED = 1 << 20  # [bytes] of the index that are copied at once
+_COPY_SIZE = 1 << 20  # [bytes] of the index that are copied at once: a choice
+# Of the format: a chunk's content begins with two times, size, checksum and the length of the compression's name, then
+# come that name and the length of the data.
+_CHUNK_FIELDS = struct.Struct("<QQQII")
+_LENGTH = struct.Struct("<Q")
 
 
 @dataclass(frozen=True)
@@ -31,18 +35,21 @@ class PackedChunk:
 
     @classmethod
     def of(cls, content: bytes) -> PackedChunk:
-        """From a chunk record's content, which is whole."""
-        _, _, size, crc, length = struct.unpack_from("<QQQII", content)
-        return cls(content[32 : 32 + length].decode(), size, crc, memoryview(content)[40 + length :])
+        """Return the data of a chunk record by its content, which is whole."""
+        _, _, size, crc, name_length = _CHUNK_FIELDS.unpack_from(content)
+        name_end = _CHUNK_FIELDS.size + name_length
+        compression = content[_CHUNK_FIELDS.size : name_end].decode()
+        return cls(compression, size, crc, data=memoryview(content)[name_end + _LENGTH.size :])
 
 
 class NewLog:
-    """A log that is being written; chunks keep the numbers that channels and schemas have in them."""
+    """A log that is being written; channels and schemas keep the numbers that they have in its chunks."""
 
     def __init__(self, file: IO[bytes], index: IO[bytes]) -> None:
         from mcap.records import Header
 
-        self._file, self._index = file, index  # the index of chunks waits on disk: a log of days has a million
+        self._file = file
+        self._index = index  # of chunks, on disk until the end: a log of days has a million
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
         self._extras: dict[str, list[Any]] = {"ATTACHMENT": [], "METADATA": []}
@@ -50,7 +57,7 @@ class NewLog:
         self.counts: Counter[int] = Counter()  # messages of each channel
         self.span = (0, 0)  # [ns] first and last log time
         file.write(records.MAGIC)
-        file.write(_bytes(Header("ros2", _LIBRARY)))
+        file.write(_record_bytes(Header("ros2", _LIBRARY)))
 
     def __contains__(self, channel: int) -> bool:
         return channel in self._channels
@@ -61,48 +68,67 @@ class NewLog:
 
         if schema and schema not in self._schemas:
             self._schemas[schema] = Schema(schema, topic.schema, topic.schema_encoding, topic.type)
-            self._file.write(_bytes(self._schemas[schema]))
+            self._file.write(_record_bytes(self._schemas[schema]))
         metadata = dict(topic.metadata)
         self._channels[channel] = Channel(channel, topic.name, topic.encoding, metadata, schema)
-        self._file.write(_bytes(self._channels[channel]))
+        self._file.write(_record_bytes(self._channels[channel]))
 
     def chunk(
         self, packed: PackedChunk, channel: NDArray[np.uint16], logged: NDArray[np.uint64], offsets: Stamps
     ) -> None:
-        """Write a chunk and the index of its messages: whose each is, its log time [ns] and its place [bytes] (n,)."""
+        """Write a chunk, and the index of its messages by their channels, log times [ns] and offsets [bytes] (n,)."""
         from mcap.records import ChunkIndex
 
-        first, last, name = int(logged.min()), int(logged.max()), packed.compression.encode()
+        first = int(logged.min())
+        last = int(logged.max())
+        # The chunk record.
         begin = self._file.tell()
-        head = struct.pack("<QQQII", first, last, packed.size, packed.crc, len(name)) + name
-        head += struct.pack("<Q", len(packed.data))
+        name = packed.compression.encode()
+        head = _CHUNK_FIELDS.pack(first, last, packed.size, packed.crc, len(name)) + name
+        head += _LENGTH.pack(len(packed.data))
         self._file.write(records.RECORD.pack(records.CHUNK, len(head) + len(packed.data)) + head)
         self._file.write(packed.data)
         end = self._file.tell()
-        places = self._index_messages(channel, np.column_stack([logged, offsets]).astype("<u8"))
-        length, size = self._file.tell() - end, len(packed.data)
-        entry = ChunkIndex(end - begin, begin, packed.compression, size, last, length, places, first, packed.size)
-        self._index.write(_bytes(entry))
+        # The index of its messages, and its entry in the index of chunks.
+        index_offsets = self._index_messages(channel, np.column_stack([logged, offsets]).astype("<u8"))
+        entry = ChunkIndex(
+            chunk_length=end - begin,
+            chunk_start_offset=begin,
+            compression=packed.compression,
+            compressed_size=len(packed.data),
+            message_end_time=last,
+            message_index_length=self._file.tell() - end,
+            message_index_offsets=index_offsets,
+            message_start_time=first,
+            uncompressed_size=packed.size,
+        )
+        self._index.write(_record_bytes(entry))
         self.span = (min(first, self.span[0]), max(last, self.span[1])) if self._chunks else (first, last)
         self._chunks += 1
 
     def _index_messages(self, channel: NDArray[np.uint16], entries: NDArray[np.uint64]) -> dict[int, int]:
-        """Write where the messages of each channel are; returns where that stands."""
-        places, counts = {}, np.bincount(channel)
+        """Write the index of each channel's messages; return the place [bytes] of each in the file.
+
+        `entries` (n, 2) are log times [ns] and offsets [bytes] of messages of the channels (n,).
+        """
+        index_offsets = {}
+        counts = np.bincount(channel)
         entries = entries[np.argsort(channel, kind="stable")]
-        for identity, end in zip(np.flatnonzero(counts).tolist(), np.cumsum(counts[counts > 0]).tolist(), strict=True):
+        ends = np.cumsum(counts[counts > 0])
+        for identity, end in zip(np.flatnonzero(counts).tolist(), ends.tolist(), strict=True):
             content = entries[end - int(counts[identity]) : end].tobytes()
-            places[identity] = self._file.tell()
+            index_offsets[identity] = self._file.tell()
             head = struct.pack("<HI", identity, len(content))
             self._file.write(records.RECORD.pack(records.MESSAGE_INDEX, len(head) + len(content)) + head + content)
             self.counts[identity] += int(counts[identity])
-        return places
+        return index_offsets
 
     def metadata(self, name: str, entries: dict[str, str]) -> None:
         """Write metadata."""
         from mcap.records import Metadata, MetadataIndex
 
-        begin, data = self._file.tell(), _bytes(Metadata(name, entries))
+        begin = self._file.tell()
+        data = _record_bytes(Metadata(name, entries))
         self._file.write(data)
         self._extras["METADATA"].append(MetadataIndex(begin, len(data), name))
 
@@ -111,9 +137,17 @@ class NewLog:
         from mcap.records import Attachment as Record, AttachmentIndex
 
         begin = self._file.tell()
-        data = _bytes(Record(file.created, file.logged, file.name, file.kind, file.content))
+        data = _record_bytes(Record(file.created, file.logged, file.name, file.kind, file.content))
         self._file.write(data)
-        entry = AttachmentIndex(begin, len(data), file.logged, file.created, len(file.content), file.name, file.kind)
+        entry = AttachmentIndex(
+            offset=begin,
+            length=len(data),
+            log_time=file.logged,
+            create_time=file.created,
+            data_size=len(file.content),
+            name=file.name,
+            media_type=file.kind,
+        )
         self._extras["ATTACHMENT"].append(entry)
 
     def finish(self) -> None:
@@ -121,7 +155,7 @@ class NewLog:
         from mcap.opcode import Opcode
         from mcap.records import DataEnd, Footer, Statistics, SummaryOffset
 
-        self._file.write(_bytes(DataEnd(0)))
+        self._file.write(_record_bytes(DataEnd(0)))
         summary = _LogSummary(self._file)
         statistics = Statistics(
             attachment_count=len(self._extras["ATTACHMENT"]),
@@ -134,52 +168,57 @@ class NewLog:
             message_end_time=self.span[1],
             schema_count=len(self._schemas),
         )
-        summary.group(Opcode.SCHEMA, self._schemas.values())
-        summary.group(Opcode.CHANNEL, self._channels.values())
-        summary.group(Opcode.STATISTICS, [statistics])
-        summary.copied(Opcode.CHUNK_INDEX, self._index)
-        summary.group(Opcode.ATTACHMENT_INDEX, self._extras["ATTACHMENT"])
-        summary.group(Opcode.METADATA_INDEX, self._extras["METADATA"])
+        summary.write_group(Opcode.SCHEMA, self._schemas.values())
+        summary.write_group(Opcode.CHANNEL, self._channels.values())
+        summary.write_group(Opcode.STATISTICS, [statistics])
+        summary.copy_group(Opcode.CHUNK_INDEX, self._index)
+        summary.write_group(Opcode.ATTACHMENT_INDEX, self._extras["ATTACHMENT"])
+        summary.write_group(Opcode.METADATA_INDEX, self._extras["METADATA"])
         offsets = self._file.tell()
-        for place in summary.places:
-            summary.write(_bytes(SummaryOffset(*place)))
-        footer = _bytes(Footer(summary.begin, offsets, 0))[:-4]
+        for group in summary.groups:
+            summary.write(_record_bytes(SummaryOffset(*group)))
+        # The checksum of the summary covers the footer as well, but for the checksum itself.
+        footer = _record_bytes(Footer(summary.begin, offsets, 0))[:-4]
         self._file.write(footer + struct.pack("<I", zlib.crc32(footer, summary.crc)) + records.MAGIC)
 
 
 class _LogSummary:
-    """The end of a log, with its checksum; nothing of it is held in memory as a whole."""
+    """The summary at the end of a log, with its checksum; it is written in pieces, and never whole in memory."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self.begin = file.tell()
         self.crc = 0
-        self.places: list[tuple[int, int, int]] = []  # kind of record; begin and length [bytes] of all of it
+        self.groups: list[tuple[int, int, int]] = []  # opcode, begin [bytes] and length [bytes] of records of a kind
 
     def write(self, data: bytes) -> None:
+        """Write a piece of the summary, and continue its checksum."""
         self._file.write(data)
         self.crc = zlib.crc32(data, self.crc)
 
-    def group(self, kind: int, entries: Iterable[Any]) -> None:
+    def write_group(self, opcode: int, entries: Iterable[Any]) -> None:
+        """Write records of one kind."""
         begin = self._file.tell()
         for entry in entries:
-            self.write(_bytes(entry))
-        self._place(kind, begin)
+            self.write(_record_bytes(entry))
+        self._note_group(opcode, begin)
 
-    def copied(self, kind: int, file: IO[bytes]) -> None:
+    def copy_group(self, opcode: int, file: IO[bytes]) -> None:
+        """Copy records of one kind from a file."""
         begin = self._file.tell()
         file.seek(0)
-        while data := file.read(_COPIED):
+        while data := file.read(_COPY_SIZE):
             self.write(data)
-        self._place(kind, begin)
+        self._note_group(opcode, begin)
 
-    def _place(self, kind: int, begin: int) -> None:
+    def _note_group(self, opcode: int, begin: int) -> None:
+        """Note the place of the records of one kind, if the file has any."""
         if length := self._file.tell() - begin:
-            self.places.append((kind, begin, length))
+            self.groups.append((opcode, begin, length))
 
 
-def _bytes(record: Any) -> bytes:
-    """Return a record of the `mcap` library."""
+def _record_bytes(record: Any) -> bytes:
+    """Return a record of the `mcap` library as bytes."""
     from mcap.data_stream import RecordBuilder
 
     builder = RecordBuilder()
@@ -188,7 +227,7 @@ def _bytes(record: Any) -> bytes:
 
 
 def compress_chunk(data: bytes) -> PackedChunk:
-    """Return the data of a new chunk."""
+    """Return records as the data of a new chunk, compressed by zstd."""
     import zstandard
 
     return PackedChunk("zstd", len(data), zlib.crc32(data), zstandard.compress(data))

@@ -1,4 +1,4 @@
-"""What the records of an MCAP file define: schemas, channels, and the summary of the data."""
+"""The definitions of an MCAP file: schemas, channels, and the statistics of its data."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ class Definitions:
     counts: dict[int, int] | None = None  # messages of each channel, by the statistics
     span: tuple[int, int] | None = None  # first and last log time [ns], by the statistics
     chunks: list[tuple[int, int, int]] = field(default_factory=list)  # first, last log time; offset
-    data: tuple[int, int] | None = None  # where the data section ends, and its checksum
+    data: tuple[int, int] | None = None  # end [bytes] of the data section, and its checksum
     extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, if requested
-    spare: list[tuple[int, bytes]] = field(default_factory=list)  # definitions in chunks that are damaged
-    _refers: dict[int, int] = field(default_factory=dict)  # the schema of each channel
+    spare: list[tuple[int, bytes]] = field(default_factory=list)  # definitions in damaged chunks
+    _schema_numbers: dict[int, int] = field(default_factory=dict)  # of the schema of each channel
 
     def copy(self) -> Definitions:
-        """With definitions of its own."""
-        return Definitions(dict(self.schemas), dict(self.channels), _refers=dict(self._refers))
+        """Return a copy of schemas and channels, to which further ones can be added."""
+        return Definitions(dict(self.schemas), dict(self.channels), _schema_numbers=dict(self._schema_numbers))
 
     def schema_of(self, channel: int) -> int | None:
-        """Return the number of a channel's schema, 0 where it has none; None where that is not defined any more."""
-        schema = self._refers.get(channel, 0)
+        """Return the number of a channel's schema, 0 without one; None for a schema that is lost."""
+        schema = self._schema_numbers.get(channel, 0)
         return schema if not schema or schema in self.schemas else None
 
     def take_extras(self) -> list[tuple[int, bytes]]:
-        """Attachments and metadata read since the last time, each once: a damaged stretch is read twice."""
-        taken, self.extras = list(dict.fromkeys(self.extras or ())), []
-        return taken
+        """Remove and return the attachments and metadata read so far, each once: a damaged stretch is read twice."""
+        extras = list(dict.fromkeys(self.extras or ()))
+        self.extras = []
+        return extras
 
     def offer(self, opcode: int, content: bytes) -> bool:
-        """Take in a schema or channel, where it is one, and nothing has defined it otherwise; whether that is so."""
+        """Add a schema or channel; return False for a damaged one, or one that another definition contradicts."""
         try:
             self.define(opcode, content)
         except Damage:
@@ -48,66 +49,85 @@ class Definitions:
         return True
 
     def settle(self, counts: Mapping[int, int]) -> list[str]:
-        """Define what messages need from the remains of damaged chunks, too; returns the topics that needed it."""
-        spare, self.spare = self.spare, []
-        missing = {channel for channel in counts if channel not in self.channels}
-        self._take(records.CHANNEL, missing, spare)
-        lost = {schema for c, schema in self._refers.items() if c in counts and schema and schema not in self.schemas}
-        self._take(records.SCHEMA, lost, spare)
-        for channel, schema in self._refers.items():
+        """Define what messages still need from damaged chunks; return the topics whose definitions come from there.
+
+        `counts` are the messages of each channel.
+        """
+        spare = self.spare
+        self.spare = []
+        # Channels first, since they refer to schemas.
+        missing_channels = {channel for channel in counts if channel not in self.channels}
+        self._define_missing(records.CHANNEL, missing_channels, spare)
+        missing_schemas = set()
+        for channel, schema in self._schema_numbers.items():
+            if channel in counts and schema and schema not in self.schemas:
+                missing_schemas.add(schema)
+        self._define_missing(records.SCHEMA, missing_schemas, spare)
+        # A topic that was defined before its schema gets that now.
+        for channel, schema in self._schema_numbers.items():
             name, encoding, text = self.schemas.get(schema, ("", "", b""))
             topic = self.channels[channel]
             if not topic.schema and not topic.type:
                 self.channels[channel] = replace(topic, type=name, schema_encoding=encoding, schema=text)
-        doubtful = (missing & self.channels.keys()) | {
-            c for c, s in self._refers.items() if s in lost & self.schemas.keys()
-        }
-        return sorted(self.channels[c].name for c in doubtful if c in counts)
+        doubtful_schemas = missing_schemas & self.schemas.keys()
+        doubtful_channels = missing_channels & self.channels.keys()
+        doubtful_channels |= {channel for channel, schema in self._schema_numbers.items() if schema in doubtful_schemas}
+        return sorted(self.channels[channel].name for channel in doubtful_channels if channel in counts)
 
-    def _take(self, kind: int, wanted: set[int], spare: list[tuple[int, bytes]]) -> None:
+    def _define_missing(self, kind: int, missing: set[int], spare: list[tuple[int, bytes]]) -> None:
+        """Add the missing schemas or channels among records of damaged chunks."""
         for opcode, content in spare:
-            if opcode == kind and len(content) > 1 and struct.unpack_from("<H", content)[0] in wanted:
+            if opcode == kind and len(content) > 1 and struct.unpack_from("<H", content)[0] in missing:
                 self.offer(opcode, content)
 
     def define(self, opcode: int, content: bytes) -> None:
-        """Take in a record that is not a message."""
+        """Add the definition in a record that is not a message; raises Damage."""
         try:
             match opcode:
                 case records.SCHEMA:
-                    self._schema(content)
+                    self._define_schema(content)
                 case records.CHANNEL:
-                    self._channel(content)
+                    self._define_channel(content)
                 case records.STATISTICS:
-                    self._statistics(content)
+                    self._read_statistics(content)
                 case records.CHUNK_INDEX:
                     self.chunks.append(struct.unpack_from("<QQQ", content))
         except struct.error as error:
             raise Damage("a record is shorter than its fields") from error
 
-    def _schema(self, content: bytes) -> None:
+    def _define_schema(self, content: bytes) -> None:
+        """Add a schema: number, name, encoding and text."""
         (identity,) = struct.unpack_from("<H", content)
-        name, at = records.read_text(content, 2)
-        encoding, at = records.read_text(content, at)
-        text, _ = records.read_bytes(content, at)
+        name, end = records.read_text(content, 2)
+        encoding, end = records.read_text(content, end)
+        text, _ = records.read_bytes(content, end)
         if self.schemas.setdefault(identity, (name, encoding, text)) != (name, encoding, text):
             raise Damage(f"schema {identity} is defined twice, differently")
 
-    def _channel(self, content: bytes) -> None:
+    def _define_channel(self, content: bytes) -> None:
+        """Add a channel: number, number of its schema, topic, encoding and metadata."""
         identity, schema = struct.unpack_from("<HH", content)
-        topic, at = records.read_text(content, 4)
-        encoding, at = records.read_text(content, at)
-        packed, _ = records.read_bytes(content, at)
-        metadata, at = {}, 0
-        while at < len(packed):
-            key, at = records.read_text(packed, at)
-            metadata[key], at = records.read_text(packed, at)
-        name, schema_encoding, text = self.schemas.get(schema, ("", "", b""))
-        found = Topic(topic, name, encoding, schema_encoding, text, metadata)
-        self._refers.setdefault(identity, schema)
-        if self.channels.setdefault(identity, found) != found:
+        topic_name, end = records.read_text(content, 4)
+        encoding, end = records.read_text(content, end)
+        packed_metadata, _ = records.read_bytes(content, end)
+        type_name, schema_encoding, text = self.schemas.get(schema, ("", "", b""))
+        topic = Topic(
+            topic_name,
+            type=type_name,
+            encoding=encoding,
+            schema_encoding=schema_encoding,
+            schema=text,
+            metadata=records.read_entries(packed_metadata),
+        )
+        self._schema_numbers.setdefault(identity, schema)
+        if self.channels.setdefault(identity, topic) != topic:
             raise Damage(f"channel {identity} is defined twice, differently")
 
-    def _statistics(self, content: bytes) -> None:
+    def _read_statistics(self, content: bytes) -> None:
+        """Take the span [ns] and the messages of each channel from the statistics.
+
+        Both times stand behind five numbers of records, 26 bytes; then come the length of the counts, and these.
+        """
         first, last, length = struct.unpack_from("<QQI", content, 26)
         self.span = (first, last)
         self.counts = dict(struct.iter_unpack("<HQ", content[46 : 46 + length]))

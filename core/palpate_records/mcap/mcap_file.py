@@ -25,23 +25,30 @@ from palpate_records.mcap.mcap_search import chunks_from
 from palpate_records.messages.topic_kinds import named_by_kind
 from palpate_records.messages.topics import Messages, Topic
 
+# Of the format (MCAP 1.0).
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, begin of the summary, begin of its offsets, checksum
+_FOOTER_LENGTH = 20  # [bytes] of its content
+_END_SIZE = _FOOTER.size + len(records.MAGIC)  # [bytes] of footer and magic at the end of a file
+_DATA_END = struct.Struct("<BQI")  # opcode, length, checksum
+_DATA_END_LENGTH = 4  # [bytes] of its content
+
 
 class McapFile:
-    """A file, opened; errors in it raise one LogError, or with `accept_cut` are skipped."""
+    """An open file; damage to it raises one LogError, and with `accept_cut` is skipped and reported."""
 
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
         self._accept_cut = accept_cut
         self.unchecked = 0  # messages that no checksum covers
-        self._notes: list[str] = []  # what is wrong with the file as a whole
-        self._report: DamageReport | None = None  # of the latest way through a damaged file
+        self._notes: list[str] = []  # on damage to the file as a whole
+        self._report: DamageReport | None = None  # of the latest pass through a damaged file
         self._doubtful: list[str] = []
-        self._complete = self._ended = self._look()
+        self._complete = self._ended = self._has_end()
         self._summary = self._read_summary() if self._complete else Definitions()
-        self._compare_data()
+        self._compare_checksum()
 
-    def _look(self) -> bool:
-        """Return True if the file ends as a finished log does."""
+    def _has_end(self) -> bool:
+        """Return True if the file ends as a finished log does; raises LogError for any other file than a log."""
         regular(self.path)
         with readable(self.path) as file:
             head = file.read(len(records.MAGIC))
@@ -55,38 +62,37 @@ class McapFile:
         return size > 2 * len(records.MAGIC) and tail == records.MAGIC
 
     def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
-        """A file without the first bytes of a log counts as one if it contains chunks, and is read only on request."""
+        """Raise LogError for a file without the first bytes of a log, unless it has chunks and damage is accepted."""
         if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
             raise LogError(f"{self.path}: is not an MCAP log")
         self._notes.append("its first bytes are wrong")
 
-    def _compare_data(self) -> None:
-        """Say where the checksum over all data is wrong; what is read then is what each chunk's own confirms."""
-        self._data_right: bool | None = None
+    def _compare_checksum(self) -> None:
+        """Note a wrong checksum over all data; chunks are read then that have a right one of their own."""
+        self._has_right_checksum: bool | None = None  # None without one
         if self._accept_cut and self._summary.data is not None:
             with readable(self.path) as file:
-                self._data_right = check_data_sum(file, self._summary)
-            if self._data_right is False:
+                self._has_right_checksum = check_data_sum(file, self._summary)
+            if self._has_right_checksum is False:
                 self._notes.append(DATA_WRONG)
 
     @property
     def complete(self) -> bool:
-        """True if the file has its end, and nothing in it was found to be damaged."""
+        """True if the file has its end, and no damage was found so far."""
         return self._complete and not self._notes
 
     @property
     def report(self) -> DamageReport | None:
-        """What is missing, once a damaged file has been read."""
+        """The report on missing pieces, after a damaged file has been read."""
         return self._report
 
     @property
     def trouble(self) -> str | None:
-        """That something is missing, how much and where, or that nothing guards the messages."""
+        """A sentence on missing messages and places, or on messages without a checksum; None without either."""
         if not self.complete:
-            words = "; ".join(self._notes) if self._report is None else self._report.words()
-            return (
-                f"{self.path.name} is cut or damaged: only the undamaged part was read{f'; {words}' if words else ''}"
-            )
+            details = "; ".join(self._notes) if self._report is None else self._report.words()
+            suffix = f"; {details}" if details else ""
+            return f"{self.path.name} is cut or damaged: only the undamaged part was read{suffix}"
         if self.unchecked:
             return f"{self.path.name}: {self.unchecked} messages carry no checksum: damage to them would not be seen"
         return None
@@ -98,6 +104,7 @@ class McapFile:
 
     @cached_property
     def _span(self) -> tuple[int, int] | None:
+        """The value of `span`, computed once."""
         if self._summary.span is not None:
             return self._summary.span
         first, last = [], []
@@ -108,84 +115,89 @@ class McapFile:
 
     @property
     def counts(self) -> Mapping[str, int] | None:
-        """Messages by topic, where the summary states it."""
-        counts, channels = self._summary.counts, self._summary.channels
+        """Messages by topic; None unless the summary states them."""
+        counts = self._summary.counts
         if counts is None:
             return None
-        total: Counter[str] = Counter()
-        for identity, topic in channels.items():
-            total[topic.name] += counts.get(identity, 0)
-        return total
+        topic_counts: Counter[str] = Counter()
+        for identity, topic in self._summary.channels.items():
+            topic_counts[topic.name] += counts.get(identity, 0)
+        return topic_counts
 
     @cached_property
     def _definitions(self) -> Definitions:
         """Schemas and channels; from the summary, else from the whole file."""
-        known = self._summary
-        if known.channels and (known.counts is None or set(known.counts) <= set(known.channels)):
-            return known
-        known = Definitions()
-        seen: Counter[int] = Counter()
-        for block in self._passed(known, None, None):
-            seen.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
-        self._doubtful = known.settle(seen)
-        return known
+        summary = self._summary
+        if summary.channels and (summary.counts is None or set(summary.counts) <= set(summary.channels)):
+            return summary
+        definitions = Definitions()
+        counts: Counter[int] = Counter()
+        for block in self._blocks(definitions, None, None):
+            counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
+        self._doubtful = definitions.settle(counts)
+        return definitions
 
     @property
     def topics(self) -> Mapping[str, Topic]:
-        """By name; from the summary, else from the whole file."""
+        """Topics by name; from the summary, else from the whole file."""
         return self._topics
 
     @cached_property
     def _topics(self) -> Mapping[str, Topic]:
-        found: dict[str, Topic] = {}
-        for topic in self._named.values():
-            found.setdefault(topic.name, topic)
-        return found
+        """The value of `topics`, computed once: of channels of one name the first counts."""
+        topics: dict[str, Topic] = {}
+        for topic in self._topic_of_channel.values():
+            topics.setdefault(topic.name, topic)
+        return topics
 
     @cached_property
-    def _named(self) -> Mapping[int, Topic]:
+    def _topic_of_channel(self) -> Mapping[int, Topic]:
         """The topic of each channel."""
         return named_by_kind(self._definitions.channels)
 
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
-        known = self._definitions.copy()
-        for block in self._passed(known, begin, end):
-            yield from self._sorted_out(block, known, wanted, begin, end)
+        """Yield messages of the `wanted` topics in the order of the file, within [begin, end) of log time [ns]."""
+        definitions = self._definitions.copy()
+        for block in self._blocks(definitions, begin, end):
+            yield from self._messages_of_block(block, definitions, wanted, begin, end)
 
     def everything(self) -> Iterator[tuple[Definitions, Block]]:
-        """Blocks of records as they are, and what has been defined up to there, attachments and metadata included."""
-        known = self._definitions.copy()
-        known.extras = []
-        for block in self._passed(known, None, None):
-            yield known, block
+        """Yield the definitions up to each block of records, attachments and metadata included, and the block."""
+        definitions = self._definitions.copy()
+        definitions.extras = []
+        for block in self._blocks(definitions, None, None):
+            yield definitions, block
 
-    def _sorted_out(
-        self, block: Block, known: Definitions, wanted: Set[str], begin: int | None, end: int | None
+    def _messages_of_block(
+        self, block: Block, definitions: Definitions, wanted: Set[str], begin: int | None, end: int | None
     ) -> Iterator[tuple[str, Messages]]:
+        """Yield the messages of a block by topic; raises LogError for a channel that the summary leaves out."""
         for identity in np.flatnonzero(block.counts).tolist():
-            topic = self._named.get(identity) or known.channels.get(identity)
+            topic = self._topic_of_channel.get(identity) or definitions.channels.get(identity)
             if topic is None or topic.name not in wanted:
                 continue
-            if identity not in self._named:
+            if identity not in self._topic_of_channel:
                 raise LogError(f"{self.path}: the log's summary leaves out a channel of topic {topic.name}")
             messages = _within(block.of(identity), begin, end)
             if len(messages):
                 yield topic.name, messages
 
-    def _passed(self, known: Definitions, begin: int | None, end: int | None) -> Iterator[Block]:
-        """Blocks of messages: all, or those of a window and maybe more; raises LogError where they are damaged."""
+    def _blocks(self, definitions: Definitions, begin: int | None, end: int | None) -> Iterator[Block]:
+        """Yield blocks of messages: all, or those of a window and perhaps more; raises LogError for damage.
+
+        The records of the file add to the `definitions`.
+        """
         if self._accept_cut:
-            yield from self._around(known)
+            yield from self._undamaged_blocks(definitions)
             return
-        windowed = begin is not None or end is not None
-        reader = Pass(self.path, known, self._summary, whole=not windowed and self._complete)
+        is_window = begin is not None or end is not None
+        reader = Pass(self.path, definitions, self._summary, whole=not is_window and self._complete)
         chunks = self._summary.chunks
         try:
-            if chunks and windowed:
-                yield from reader.some([c[2] for c in chunks if _overlaps(c, begin, end)])
+            if chunks and is_window:
+                yield from reader.some([offset for first, last, offset in chunks if _overlaps(first, last, begin, end)])
             else:
                 yield from reader.all()
         except Damage as damage:
@@ -196,47 +208,55 @@ class McapFile:
         finally:
             self.unchecked = reader.unchecked
 
-    def _around(self, known: Definitions) -> Iterator[Block]:
-        """Blocks of messages that are whole, around what is damaged; what is missing is reported."""
+    def _undamaged_blocks(self, definitions: Definitions) -> Iterator[Block]:
+        """Yield blocks of whole messages around damage, and report what is missing."""
         report = DamageReport(
-            said=self._summary.counts, notes=self._notes, doubtful=self._doubtful, cut=not self._ended
+            stated_counts=self._summary.counts, notes=self._notes, doubtful=self._doubtful, cut=not self._ended
         )
-        reader = Pass(self.path, known, self._summary, whole=False)
-        problem = None
+        # Up to the first damage, then chunk by chunk.
+        reader = Pass(self.path, definitions, self._summary, whole=False)
+        is_damaged = False
         try:
             for block in reader.all():
-                yield self._seen(report, block, known)
-        except Damage as damage:
-            problem = str(damage)
+                yield self._note_block(report, block, definitions)
+        except Damage:
+            is_damaged = True
         report.counts = reader.counts
         self.unchecked = reader.unchecked
-        if problem is not None:
+        if is_damaged:
             begin = 0 if reader.done == len(records.MAGIC) and self._notes else reader.done
-            salvage = Salvage(self.path, known, reader)
+            salvage = Salvage(self.path, definitions, reader)
             for block in salvage.blocks(begin):
-                yield self._seen(report, block, known)
+                yield self._note_block(report, block, definitions)
             self.unchecked += salvage.unchecked
-            report.losses, report.repeated = salvage.losses, salvage.repeated
-        self.unchecked = report.unchecked = 0 if self._data_right else self.unchecked
-        if problem is not None or self._notes or report.missing or report.nameless:
-            self._complete, self._report = False, report
+            report.losses = salvage.losses
+            report.repeated = salvage.repeated
+        # The checksum over all data, if it is right, covers messages without one of their own.
+        if self._has_right_checksum:
+            self.unchecked = 0
+        report.unchecked = self.unchecked
+        if is_damaged or self._notes or report.missing or report.nameless:
+            self._complete = False
+            self._report = report
 
     @staticmethod
-    def _seen(report: DamageReport, block: Block, known: Definitions) -> Block:
+    def _note_block(report: DamageReport, block: Block, definitions: Definitions) -> Block:
+        """Add the times of a block, and its messages of unknown channels, to the report; return the block."""
         if len(block):
             logged = block.logged
-            low = int(logged.min())
-            report.first = low if report.first is None else min(low, report.first)
+            first = int(logged.min())
+            report.first = first if report.first is None else min(first, report.first)
             report.last = max(int(logged.max()), report.last or 0)
-            nameless = [i for i in np.flatnonzero(block.counts).tolist() if i not in known.channels]
+            nameless = [i for i in np.flatnonzero(block.counts).tolist() if i not in definitions.channels]
             report.nameless += int(block.counts[nameless].sum())
         return block
 
     def _read_summary(self) -> Definitions:
-        known = Definitions()
+        """Return the definitions in the summary; raises LogError for a damaged one, which `accept_cut` ignores."""
+        definitions = Definitions()
         try:
             with readable(self.path) as file:
-                self._read_definitions(file, known)
+                self._read_definitions(file, definitions)
         except Damage as damage:
             if not self._accept_cut:
                 raise LogError(
@@ -244,46 +264,51 @@ class McapFile:
                 ) from damage
             self._notes.append(f"its summary is damaged: {damage}")
             return Definitions()
-        return known
+        return definitions
 
-    def _read_definitions(self, file: IO[bytes], known: Definitions) -> None:
-        size = file.seek(-37, 2) + 37
-        footer = file.read(29)
-        opcode, length, start, _, crc = struct.unpack("<BQQQI", footer)
-        if (opcode, length) != (records.FOOTER, 20):
+    def _read_definitions(self, file: IO[bytes], definitions: Definitions) -> None:
+        """Add the definitions in the summary and the checksum of the data; raises Damage."""
+        summary_end = file.seek(-_END_SIZE, 2)
+        size = summary_end + _END_SIZE
+        footer = file.read(_FOOTER.size)
+        opcode, length, begin, _, crc = _FOOTER.unpack(footer)
+        if (opcode, length) != (records.FOOTER, _FOOTER_LENGTH):
             raise Damage("it has no footer")
-        if start > size:
-            raise Damage(f"it is declared to begin at {start}")
-        known.data = _data_checksum(file, (start or size - 37) - 13)
-        if start == 0:
+        if begin > size:
+            raise Damage(f"it is declared to begin at {begin}")
+        # The data end before the summary, or before the footer of a log without one (0).
+        definitions.data = _data_checksum(file, (begin or summary_end) - _DATA_END.size)
+        if begin == 0:
             return
-        if not len(records.MAGIC) < start <= size - 37 or size - start > records.LIMIT:
-            raise Damage(f"it is declared to begin at {start}")
-        file.seek(start)
-        content = file.read(size - 37 - start)
-        if crc and zlib.crc32(content + footer[:25]) != crc:
+        if not len(records.MAGIC) < begin <= summary_end or size - begin > records.LIMIT:
+            raise Damage(f"it is declared to begin at {begin}")
+        file.seek(begin)
+        content = file.read(summary_end - begin)
+        if crc and zlib.crc32(content + footer[:-4]) != crc:
             raise Damage("its checksum is wrong")
-        messages, others, end = records.scan(content)
+        messages, other_records, end = records.scan(content)
         if messages or end != len(content):
             raise Damage("its records do not fill it")
-        for opcode, at, length in others:
-            known.define(opcode, content[at : at + length])
+        for opcode, first, length in other_records:
+            definitions.define(opcode, content[first : first + length])
 
 
 def _data_checksum(file: IO[bytes], end: int) -> tuple[int, int] | None:
-    """Where the data section ends and its checksum, where there is one."""
+    """Return the end [bytes] of the data section and its checksum; None without one."""
     if end < len(records.MAGIC):
         return None
     file.seek(end)
-    opcode, length, crc = struct.unpack("<BQI", file.read(13))
-    return (end, crc) if (opcode, length) == (records.DATA_END, 4) and crc else None
+    opcode, length, crc = _DATA_END.unpack(file.read(_DATA_END.size))
+    return (end, crc) if (opcode, length) == (records.DATA_END, _DATA_END_LENGTH) and crc else None
 
 
-def _overlaps(chunk: tuple[int, int, int], begin: int | None, end: int | None) -> bool:
-    return (begin is None or chunk[1] >= begin) and (end is None or chunk[0] < end)
+def _overlaps(first: int, last: int, begin: int | None, end: int | None) -> bool:
+    """Return True if log times from first to last may lie within [begin, end)."""
+    return (begin is None or last >= begin) and (end is None or first < end)
 
 
 def _within(messages: Messages, begin: int | None, end: int | None) -> Messages:
+    """Return the messages within [begin, end) of log time [ns]."""
     rows: NDArray[np.bool_] = np.ones(len(messages), bool)
     if begin is not None:
         rows &= messages.logged >= begin

@@ -1,7 +1,7 @@
 """The records of an MCAP file: chunks opened, checked and cut into messages in whole arrays.
 
-Nothing that the file claims is trusted: lengths are held against what is there, checksums are compared, and the index
-of a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
+Nothing that the file claims is trusted: lengths are compared with the bytes of the file, checksums are computed, and
+the index of a chunk only speeds up the check of the chunk itself: that its records fill it without a gap.
 """
 
 from __future__ import annotations
@@ -20,33 +20,41 @@ from palpate_records.decompression import largest
 from palpate_records.messages.topics import Bytes, Messages, Stamps, column, gather
 
 MAGIC = b"\x89MCAP0\r\n"
-_REMAINS = 1 << 20  # [bytes] at the beginning of a damaged chunk in which definitions are looked for
-LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
-_OTHERS = 1 << 18  # records of a chunk that are not messages, and one in addition for every kilobyte
+LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger: a choice
+_REMAINS_SIZE = 1 << 20  # [bytes] at the beginning of a damaged chunk in which definitions are searched: a choice
+_PIECE_SIZE = 1 << 10  # [bytes] of a damaged chunk that are decompressed at once: a choice
+# Records of a chunk that are not messages, and one more for every kilobyte of it: a choice.
+_MAX_OTHER_RECORDS, _OTHER_RECORD_BYTES = 1 << 18, 1024
+_MAX_SHOWN = 20  # characters of a name in a message: a choice
+# Of the format (MCAP 1.0).
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
-RECORD = struct.Struct("<BQ")
-CHUNK_HEAD = 28  # bytes that identify a chunk: its times, size and checksum
-HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
+RECORD = struct.Struct("<BQ")  # opcode, and length of the content that follows
+RECORD_HEAD = RECORD.size  # [bytes]
+CHUNK_HEAD = 28  # [bytes] that identify a chunk: its times, size and checksum
+HEAD = 31  # [bytes] of a message record before its payload: record 9, channel 2, sequence 4, two times 16
+_CHUNK_FIELDS = struct.Struct("<QQQII")  # first and last time, size and checksum of the data, length of a name
+_LENGTH = struct.Struct("<Q")  # of the packed data, behind the name of the compression
+_TEXT_LENGTH = struct.Struct("<I")
 
 Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is not a message
 
 
-class Damage(Exception):  # noqa: N818  (a signal: the container says it in the user's words)
-    """The file is not what it was when it was written."""
+class Damage(Exception):  # noqa: N818  (a signal: the container reports it as an error of the log)
+    """Damage to a file since it was written."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """A chunk, opened."""
+    """The decompressed data of a chunk."""
 
     data: bytes
-    checked: bool  # it has a checksum, and that is right
+    checked: bool  # True if it has a checksum, which is right
 
 
 class Unpacker:
-    """What chunks are decompressed with: made once, since making it costs half as much as a chunk."""
+    """The decompressor of chunks, made once: its creation takes half as long as a chunk."""
 
     @cached_property
     def zstd(self) -> Any:
@@ -59,19 +67,20 @@ class Unpacker:
 def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
     """Return a chunk record's content, decompressed and checked; raises Damage."""
     try:
-        _, _, size, crc, name_length = struct.unpack_from("<QQQII", content)
-        name = content[32 : 32 + name_length].decode()
-        (length,) = struct.unpack_from("<Q", content, 32 + name_length)
+        _, _, size, crc, name_length = _CHUNK_FIELDS.unpack_from(content)
+        name_end = _CHUNK_FIELDS.size + name_length
+        name = content[_CHUNK_FIELDS.size : name_end].decode()
+        (length,) = _LENGTH.unpack_from(content, name_end)
     except (struct.error, UnicodeDecodeError) as error:
         raise Damage("a chunk's head is not whole") from error
-    packed = memoryview(content)[40 + name_length :]  # no copy of a megabyte
+    packed = memoryview(content)[name_end + _LENGTH.size :]  # no copy of a megabyte
     if length != len(packed):
         raise Damage(f"a chunk claims {length} bytes and has {len(packed)}")
     if size > LIMIT:
         raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
     if size > largest(length):
         raise Damage(f"a chunk of {length} bytes claims to become {size}, more than {largest(length)}")
-    data = _decompressed(name, packed, size, unpacker)
+    data = _decompress(name, packed, size, unpacker)
     if len(data) != size:
         raise Damage(f"a chunk claims {size} bytes and contains {len(data)}")
     if crc and zlib.crc32(data) != crc:
@@ -79,23 +88,24 @@ def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
     return Chunk(data, crc != 0)
 
 
-def _decompressed(name: str, packed: memoryview, size: int, unpacker: Unpacker) -> bytes:
-    """At most one byte more than `size`, whatever the packed bytes claim."""
+def _decompress(name: str, packed: memoryview, size: int, unpacker: Unpacker) -> bytes:
+    """Return the data, at most one byte more than `size`, whatever the packed bytes claim; raises Damage."""
     if name == "":
         return bytes(packed)
     try:
         if name == "zstd":
-            return _zstd(packed, size, unpacker.zstd)
+            return _decompress_zstd(packed, size, unpacker.zstd)
         if name == "lz4":
             import lz4.frame  # type: ignore[import-untyped]
 
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
     except Exception as error:  # each library has errors of its own, and RuntimeError
         raise Damage(f"a chunk cannot be decompressed ({name}: {error})") from error
-    raise Damage(f"a chunk's compression {name[:20]!r} is not one of zstd, lz4 and none")
+    raise Damage(f"a chunk's compression {name[:_MAX_SHOWN]!r} is not one of zstd, lz4 and none")
 
 
-def _zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
+def _decompress_zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
+    """Return the data of one frame or several, at most one byte more than `size`."""
     import zstandard
 
     if zstandard.get_frame_parameters(packed).content_size == size:
@@ -107,86 +117,105 @@ def _zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
 
 
 def remains(content: bytes) -> list[tuple[int, bytes]]:
-    """Schemas and channels, as far as they can be read, of a chunk that is damaged."""
+    """Return opcode and content of the schemas and channels of a damaged chunk, as far as they can be read."""
+    longest_name = len(b"zstd") + 1
     try:
-        (name_length,) = struct.unpack_from("<I", content, 28)
-        data = _as_far_as_it_goes(content[32 : 32 + min(name_length, 5)], content[40 + name_length :])
-        _, others, _ = scan(data)
+        (name_length,) = _TEXT_LENGTH.unpack_from(content, CHUNK_HEAD)
+        name = content[_CHUNK_FIELDS.size : _CHUNK_FIELDS.size + min(name_length, longest_name)]
+        data = _decompress_begin(name, content[_CHUNK_FIELDS.size + name_length + _LENGTH.size :])
+        _, other_records, _ = scan(data)
     except (struct.error, Damage):
         return []
-    return [(opcode, data[at : at + length]) for opcode, at, length in others if opcode in (SCHEMA, CHANNEL)]
+    definitions = []
+    for opcode, begin, length in other_records:
+        if opcode in (SCHEMA, CHANNEL):
+            definitions.append((opcode, data[begin : begin + length]))
+    return definitions
 
 
-def _as_far_as_it_goes(name: bytes, packed: bytes) -> bytes:
-    """Return the first bytes that can be decompressed, a little at a time."""
+def _decompress_begin(name: bytes, packed: bytes) -> bytes:
+    """Return the first bytes that can be decompressed, in small pieces up to the damage."""
     import lz4.frame
     import zstandard
 
     if name not in (b"zstd", b"lz4"):
-        return packed[:_REMAINS]
-    tool = zstandard.ZstdDecompressor().decompressobj() if name == b"zstd" else lz4.frame.LZ4FrameDecompressor()
+        return packed[:_REMAINS_SIZE]
+    unpacker = zstandard.ZstdDecompressor().decompressobj() if name == b"zstd" else lz4.frame.LZ4FrameDecompressor()
     data = bytearray()
     with suppress(Exception):  # each library has errors of its own
-        for at in range(0, len(packed), 1 << 10):
-            data += tool.decompress(packed[at : at + (1 << 10)])
-            if len(data) >= _REMAINS:
+        for begin in range(0, len(packed), _PIECE_SIZE):
+            data += unpacker.decompress(packed[begin : begin + _PIECE_SIZE])
+            if len(data) >= _REMAINS_SIZE:
                 break
-    return bytes(data[:_REMAINS])
+    return bytes(data[:_REMAINS_SIZE])
 
 
 def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int], list[Other], int]:
-    """Offsets of the message records, the other records, and where the last whole record ends."""
+    """Return the offsets of the message records, the other records, and the end of the last whole record.
+
+    Raises Damage for a message that is too short, and for too many other records.
+    """
     end = len(data) if end is None else end
     messages: list[int] = []
-    others: list[Other] = []
-    most = _OTHERS + len(data) // 1024
-    unpack, position = RECORD.unpack_from, begin
-    while position + 9 <= end:
+    other_records: list[Other] = []
+    max_other_records = _MAX_OTHER_RECORDS + len(data) // _OTHER_RECORD_BYTES
+    unpack = RECORD.unpack_from
+    position = begin
+    while position + RECORD_HEAD <= end:
         opcode, length = unpack(data, position)
-        following = position + 9 + length
-        if following > end:
+        next_position = position + RECORD_HEAD + length
+        if next_position > end:
             break
         if opcode != MESSAGE:
-            others.append((opcode, position + 9, length))
-            if len(others) > most:
-                raise Damage(f"a chunk of {len(data)} bytes has more than {most} records that are not messages")
-        elif length >= HEAD - 9:
+            other_records.append((opcode, position + RECORD_HEAD, length))
+            if len(other_records) > max_other_records:
+                raise Damage(
+                    f"a chunk of {len(data)} bytes has more than {max_other_records} records that are not messages"
+                )
+        elif length >= HEAD - RECORD_HEAD:
             messages.append(position)
         else:
             raise Damage("a message is shorter than its head")
-        position = following
-    return messages, others, position
+        position = next_position
+    return messages, other_records, position
 
 
 def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
-    """Return a chunk's messages, and its other records: from the index if it is right, else record by record."""
+    """Return a chunk's messages and its other records: by the index if it is right, else record by record.
+
+    Raises Damage if the records do not fill the chunk.
+    """
     if index:
-        found = _confirmed(data, np.sort(np.concatenate(index), kind="stable"))
-        if found is not None:
-            return found
-    messages, others, end = scan(data)
+        block_and_others = _confirm_index(data, np.sort(np.concatenate(index), kind="stable"))
+        if block_and_others is not None:
+            return block_and_others
+    messages, other_records, end = scan(data)
     if end != len(data):
         raise Damage("a chunk's records do not fill it")
-    return Block.read(np.frombuffer(data, np.uint8), np.array(messages, np.int64)), others
+    return Block.read(np.frombuffer(data, np.uint8), np.array(messages, np.int64)), other_records
 
 
-def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
-    """Return the messages at the offsets, if all are messages and what lies between them is whole and no message."""
+def _confirm_index(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
+    """Return the messages at the offsets (n,) and the other records; None if the index is wrong.
+
+    It is right if there is a message at each offset, and between them whole records of other kinds.
+    """
     if not len(offsets) or offsets[0] < 0 or offsets[-1] + HEAD > len(data):
         return None
-    found = Block.read(np.frombuffer(data, np.uint8), offsets)
-    lengths = found.lengths
-    if (found.opcodes != MESSAGE).any() or lengths.max() > len(data) or lengths.min() < 0:
+    block = Block.read(np.frombuffer(data, np.uint8), offsets)
+    lengths = block.lengths
+    if (block.opcodes != MESSAGE).any() or lengths.max() > len(data) or lengths.min() < 0:
         return None
+    # The gaps between the end of one message and the begin of the next.
     ends = np.concatenate([[0], offsets + HEAD + lengths])
     begins = np.concatenate([offsets, [len(data)]])
-    others: list[Other] = []
+    other_records: list[Other] = []
     for gap in np.flatnonzero(ends != begins):
-        messages, between, end = scan(data, int(ends[gap]), int(begins[gap]))
+        messages, records_in_gap, end = scan(data, int(ends[gap]), int(begins[gap]))
         if ends[gap] > begins[gap] or messages or end != begins[gap]:
             return None
-        others += between
-    return found, others
+        other_records += records_in_gap
+    return block, other_records
 
 
 @dataclass(frozen=True)
@@ -194,7 +223,7 @@ class ChunkPiece:
     """A chunk within a block."""
 
     begin: int  # [bytes] in the block's buffer
-    place: int  # [bytes] in the file, of its record's content
+    place: int  # [bytes] of its record's content, in the file
     length: int  # [bytes]
 
 
@@ -205,68 +234,82 @@ class Block:
     buffer: Bytes
     offsets: Stamps
     heads: Bytes  # (n, HEAD)
-    pieces: tuple[ChunkPiece, ...] = ()  # of which it is made, where each has a checksum and only defines what is known
+    pieces: tuple[ChunkPiece, ...] = ()  # its chunks, if each has a checksum and holds nothing but known definitions
 
     @classmethod
     def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
-        """From the offsets of the records."""
+        """Return the records at some offsets (n,) of a buffer."""
         return cls(buffer, offsets, gather(buffer, offsets, HEAD))
 
-    def made_of(self, pieces: tuple[ChunkPiece, ...], others: list[Other]) -> Block:
-        """With the chunks that it is made of, if there is nothing in them but messages and what they need."""
-        return replace(self, pieces=pieces) if {kind for kind, _, _ in others} <= {SCHEMA, CHANNEL} else self
+    def made_of(self, pieces: tuple[ChunkPiece, ...], other_records: list[Other]) -> Block:
+        """Return the block with its chunks, if their other records are schemas and channels alone."""
+        opcodes = {opcode for opcode, _, _ in other_records}
+        return replace(self, pieces=pieces) if opcodes <= {SCHEMA, CHANNEL} else self
 
     def __len__(self) -> int:
         return len(self.offsets)
 
     @cached_property
     def channel(self) -> NDArray[np.uint16]:
-        """Whose message each is; in one piece, since it is looked at once for each topic."""
+        """Channels of the messages (n,); contiguous, since they are compared once for each topic."""
         return np.ascontiguousarray(column(self.heads, 9, "<u2"))
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
-        """How many messages there are of each channel, by its number."""
+        """Numbers of messages, by channel."""
         return np.bincount(self.channel)
 
     @property
     def logged(self) -> Stamps:
-        """Log times [ns]."""
+        """Log times (n,) [ns]."""
         return np.asarray(column(self.heads, 15, "<i8"))
 
     @property
     def opcodes(self) -> Bytes:
-        """What kind of record each is."""
+        """Opcodes of the records (n,)."""
         return self.heads[:, 0]
 
     @property
     def lengths(self) -> Stamps:
-        """Of the payloads; a number beyond 2^63 turns negative, and is damage."""
-        return np.asarray(column(self.heads, 1, "<i8") - (HEAD - 9))
+        """Lengths [bytes] of the payloads (n,); one beyond 2^63 is negative, and damage."""
+        return np.asarray(column(self.heads, 1, "<i8") - (HEAD - RECORD_HEAD))
 
     def of(self, channel: int) -> Messages:
-        """Return the messages of one channel; views of their heads, so that what is not looked at is not copied."""
+        """Return the messages of one channel, as views of their heads: what is not read is not copied."""
         if self.counts[channel] == len(self):
-            offsets, heads = self.offsets, self.heads
+            offsets = self.offsets
+            heads = self.heads
         else:
             rows = np.flatnonzero(self.channel == channel)
-            offsets, heads = self.offsets[rows], gather(self.heads.reshape(-1), rows * HEAD, HEAD)
-        lengths = column(heads, 1, "<i8") - (HEAD - 9)
+            offsets = self.offsets[rows]
+            heads = gather(self.heads.reshape(-1), rows * HEAD, HEAD)
+        lengths = column(heads, 1, "<i8") - (HEAD - RECORD_HEAD)
         return Messages(self.buffer, offsets + HEAD, lengths, column(heads, 15, "<i8"), column(heads, 23, "<i8"))
 
 
-def read_text(content: bytes, at: int) -> tuple[str, int]:
-    """Return a counted text, and where it ends."""
-    raw, end = read_bytes(content, at)
+def read_text(content: bytes, begin: int) -> tuple[str, int]:
+    """Return the text that begins with its length, and its end; raises Damage."""
+    raw, end = read_bytes(content, begin)
     return raw.decode(errors="replace"), end
 
 
-def read_bytes(content: bytes, at: int) -> tuple[bytes, int]:
-    """Counted bytes, and where they end; raises Damage where they are not all there."""
+def read_bytes(content: bytes, begin: int) -> tuple[bytes, int]:
+    """Return the bytes that begin with their length, and their end; raises Damage if they are cut."""
     try:
-        (length,) = struct.unpack_from("<I", content, at)
+        (length,) = _TEXT_LENGTH.unpack_from(content, begin)
     except struct.error as error:
         raise Damage("a record is shorter than its fields") from error
-    if at + 4 + length > len(content):
+    first = begin + _TEXT_LENGTH.size
+    if first + length > len(content):
         raise Damage("a record is shorter than its fields")
-    return content[at + 4 : at + 4 + length], at + 4 + length
+    return content[first : first + length], first + length
+
+
+def read_entries(packed: bytes) -> dict[str, str]:
+    """Return pairs of texts, key and value one after the other; raises Damage."""
+    entries = {}
+    end = 0
+    while end < len(packed):
+        key, end = read_text(packed, end)
+        entries[key], end = read_text(packed, end)
+    return entries

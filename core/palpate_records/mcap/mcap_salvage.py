@@ -1,4 +1,4 @@
-"""What is whole of an MCAP file from a damaged place on: chunk by chunk, each by its own checksum."""
+"""Salvage of an MCAP file behind damage: chunk by chunk, each by its own checksum."""
 
 from __future__ import annotations
 
@@ -15,14 +15,19 @@ from palpate_records.mcap.mcap_definitions import Definitions
 from palpate_records.mcap.mcap_pass import Pass
 from palpate_records.mcap.mcap_records import Block, Damage
 
-_EXTRAS = 1 << 26  # [bytes] of attachments and metadata that are kept in memory while they are read
-_LOOSE = 1 << 22  # [bytes] of messages outside of chunks that make a block
-_WORK = 16  # how much more than the file is unpacked without result before the search is given up
+# Choices.
+_MAX_EXTRA_SIZE = 1 << 26  # [bytes] of an attachment or metadata that is kept in memory
+_BLOCK_SIZE = 1 << 22  # [bytes] of messages outside chunks that make a block
+_MAX_WORK = 16  # bytes that are unpacked without result per byte of the file, before the search is given up
+_MIN_WORK = 1 << 28  # [bytes] that are unpacked without result for any file
+# Of the format (MCAP 1.0).
+_INDEX_HEAD = 6  # [bytes] of a message index: channel 2, length 4
+_SIZE_PLACE = 16  # [bytes] of a chunk's content before its unpacked size: two times
 
 
 @dataclass
 class DamagedPiece:
-    """A piece of the file that was left out."""
+    """A piece of the file that was skipped."""
 
     begin: int  # [bytes]
     end: int
@@ -32,21 +37,23 @@ class DamagedPiece:
 
 
 class Salvage:
-    """One path through the rest of a file, around damaged parts, from where a reader met damage."""
+    """A pass through the rest of a file around damaged parts, from the damage on that another reader met."""
 
-    def __init__(self, path: Path, known: Definitions, reader: Pass) -> None:
-        self._path, self._known, self._counts = path, known, reader.counts
-        # Messages that stand by themselves are looked for only where nothing is a chunk; None: not known yet.
-        self._chunked: bool | None = True if reader.chunked else None
-        step, heads = records.CHUNK_HEAD, bytes(reader.heads)
-        self._seen = {heads[at : at + step] for at in range(0, len(heads), step)}
-        self._latest = reader.latest  # [ns] log time of what was read before
+    def __init__(self, path: Path, definitions: Definitions, reader: Pass) -> None:
+        self._path = path
+        self._definitions = definitions
+        self._counts = reader.counts
+        # Single messages are searched only in files without chunks; None: not known yet.
+        self._has_chunks: bool | None = True if reader.chunked else None
+        heads = bytes(reader.heads)
+        self._heads = {heads[begin : begin + records.CHUNK_HEAD] for begin in range(0, len(heads), records.CHUNK_HEAD)}
+        self._latest = reader.latest  # [ns] log time of the messages before
         self._unpacker = records.Unpacker()
-        self._next: int | None = None  # where the next whole chunk is
-        self._vain = 0  # [bytes] that were unpacked without a result
+        self._next_chunk: int | None = None  # [bytes] offset of the next whole chunk, if it was searched
+        self._useless_work = 0  # [bytes] that were unpacked without a result
         self.losses: list[DamagedPiece] = []
         self.unchecked = 0
-        self.repeated = 0  # chunks that are in the file twice
+        self.repeated = 0  # chunks that the file has twice
 
     def blocks(self, begin: int) -> Iterator[Block]:
         """Yield the blocks of messages from the offset `begin` [bytes] to the file's end, and note what is damaged."""
@@ -54,30 +61,34 @@ class Salvage:
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
             position = begin
-            while position < size and not self._at_end(file, position, size):
+            while position < size and not self._is_at_end(file, position, size):
+                block = None
                 try:
-                    following, block = self._record(file, position, size)
+                    next_position, block = self._read_record(file, position, size)
                 except Damage as damage:
-                    following, block = self._resumed(file, position, size), None
-                    self._lose(DamagedPiece(position, following, str(damage), latest))
+                    next_position = self._resume_position(file, position, size)
+                    self._note_loss(DamagedPiece(position, next_position, str(damage), latest))
                 if block is not None and len(block):
-                    latest = self._timed(block, latest)
+                    latest = self._note_block(block, latest)
                     yield block
-                position = following
+                position = next_position
 
-    def _at_end(self, file: IO[bytes], position: int, size: int) -> bool:
+    def _is_at_end(self, file: IO[bytes], position: int, size: int) -> bool:
+        """Return True if only the last bytes of a finished log follow."""
         if size - position != len(records.MAGIC):
             return False
         file.seek(position)
         return file.read() == records.MAGIC
 
-    def _lose(self, loss: DamagedPiece) -> None:
+    def _note_loss(self, loss: DamagedPiece) -> None:
+        """Add a loss; one that follows the last loss directly makes it longer."""
         if self.losses and self.losses[-1].end == loss.begin:
             self.losses[-1].end = loss.end
         else:
             self.losses.append(loss)
 
-    def _timed(self, block: Block, latest: int | None) -> int:
+    def _note_block(self, block: Block, latest: int | None) -> int:
+        """Add the messages of a block to the counts, and its time to losses before it; return the latest log time."""
         logged = block.logged
         for loss in self.losses:
             if loss.after is None:
@@ -85,120 +96,150 @@ class Salvage:
         self._counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
         return max(int(logged.max()), latest if latest is not None else int(logged.max()))
 
-    def _record(self, file: IO[bytes], position: int, size: int) -> tuple[int, Block | None]:
-        """Where the next record begins, and the messages of this one; raises Damage."""
+    def _read_record(self, file: IO[bytes], position: int, size: int) -> tuple[int, Block | None]:
+        """Return the position of the next record, and the messages of the one at a position; raises Damage."""
         file.seek(position)
-        opcode, length = search.plausible_record(file.read(9), size - position - 9)
-        following = position + 9 + length
+        content_begin = position + records.RECORD_HEAD
+        opcode, length = search.plausible_record(file.read(records.RECORD_HEAD), size - content_begin)
+        next_position = content_begin + length
         if opcode == records.CHUNK:
-            self._chunked = True
-            return following, self._chunk(file, length)
+            self._has_chunks = True
+            return next_position, self._read_chunk(file, length)
         if opcode == records.MESSAGE:
-            return self._loose(file, position, following, size)
+            return self._read_loose_messages(file, position, next_position, size)
         if opcode == records.MESSAGE_INDEX:
-            self._check_index(file.read(min(length, 6)), length)
+            self._check_index(file.read(min(length, _INDEX_HEAD)), length)
         elif opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
-            self._known.offer(opcode, file.read(length))
-        elif opcode in records.EXTRAS and self._known.extras is not None and length <= _EXTRAS:
-            self._known.extras.append((opcode, file.read(length)))
-        return following, None
+            self._definitions.offer(opcode, file.read(length))
+        elif opcode in records.EXTRAS and self._definitions.extras is not None and length <= _MAX_EXTRA_SIZE:
+            self._definitions.extras.append((opcode, file.read(length)))
+        return next_position, None
 
     @staticmethod
     def _check_index(content: bytes, length: int) -> None:
-        if length < 6 or struct.unpack_from("<I", content, 2)[0] != length - 6:
+        """Raise Damage for a message index whose length contradicts that of its record."""
+        if length < _INDEX_HEAD or struct.unpack_from("<I", content, 2)[0] != length - _INDEX_HEAD:
             raise Damage("a message index is damaged")
 
-    def _chunk(self, file: IO[bytes], length: int) -> Block | None:
+    def _read_chunk(self, file: IO[bytes], length: int) -> Block | None:
+        """Return the messages of the chunk whose content is next; None for one that was read before. Raises Damage.
+
+        Of a damaged chunk the definitions are kept, for messages whose channel nothing else defines.
+        """
         if length > records.LIMIT:
             raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
         piece = records.ChunkPiece(0, file.tell(), length)
         content = file.read(length)
+        # The index of a chunk is not trusted here: the chunk is read record by record.
         try:
             chunk = records.open_chunk(content, self._unpacker)
-            block, others = records.locate(chunk.data, [])
+            block, other_records = records.locate(chunk.data, [])
         except Damage:
-            self._vain += length + min(struct.unpack_from("<Q", content.ljust(24, b"\0"), 16)[0], records.LIMIT)
-            self._known.spare += records.remains(content)  # taken where nothing else defines what whole chunks need
+            self._note_useless_work(content, length)
+            self._definitions.spare += records.remains(content)
             raise
-        agreed = [self._known.offer(opcode, chunk.data[at : at + size]) for opcode, at, size in others]
+        agrees = True
+        for opcode, begin, size in other_records:
+            agrees &= self._definitions.offer(opcode, chunk.data[begin : begin + size])
         head = content[: records.CHUNK_HEAD]
-        if chunk.checked and head in self._seen:
+        if chunk.checked and head in self._heads:
             self.repeated += 1
             return None
-        self._seen.add(head)
-        self.unchecked += 0 if chunk.checked else len(block)
-        return block.made_of((piece,), others) if chunk.checked and all(agreed) else block
+        self._heads.add(head)
+        if not chunk.checked:
+            self.unchecked += len(block)
+        return block.made_of((piece,), other_records) if chunk.checked and agrees else block
 
-    def _loose(self, file: IO[bytes], position: int, following: int, size: int) -> tuple[int, Block]:
-        """Messages outside of chunks, which nothing checks: each must be followed by a record that fits."""
+    def _note_useless_work(self, content: bytes, length: int) -> None:
+        """Add the length [bytes] of a chunk that could not be opened, and the size that it claims to unpack to."""
+        padded_content = content.ljust(_SIZE_PLACE + 8, b"\0")
+        (claimed_size,) = struct.unpack_from("<Q", padded_content, _SIZE_PLACE)
+        self._useless_work += length + min(claimed_size, records.LIMIT)
+
+    def _read_loose_messages(self, file: IO[bytes], position: int, next_position: int, size: int) -> tuple[int, Block]:
+        """Return the position behind messages outside chunks, and these; raises Damage.
+
+        Nothing checks them: each must be followed by a plausible record.
+        """
         offsets: list[int] = []
-        data, begin = bytearray(), position
+        data = bytearray()
+        begin = position
         while True:
-            file.seek(following)
-            head = file.read(9)
-            more = len(head) == 9 and head[: len(records.MAGIC)] != records.MAGIC
-            opcode, length = records.RECORD.unpack(head) if more else (0, 0)
-            if more and not search.likely(opcode, length):
+            file.seek(next_position)
+            head = file.read(records.RECORD_HEAD)
+            has_record = len(head) == records.RECORD_HEAD and head[: len(records.MAGIC)] != records.MAGIC
+            opcode, length = records.RECORD.unpack(head) if has_record else (0, 0)
+            if has_record and not search.likely(opcode, length):
                 if not offsets:
                     raise Damage("a message is not followed by a record")
-                break  # this message is looked at again, as the first of its block
+                break  # the last message is read again, as the first of its block
             file.seek(position)
             offsets.append(position - begin)
-            data += file.read(following - position)
-            position, following = following, following + 9 + length
-            if opcode != records.MESSAGE or following > size or len(data) > _LOOSE:
+            data += file.read(next_position - position)
+            position = next_position
+            next_position = position + records.RECORD_HEAD + length
+            if opcode != records.MESSAGE or next_position > size or len(data) > _BLOCK_SIZE:
                 break
         block = Block.read(np.frombuffer(bytes(data), np.uint8), np.array(offsets, np.int64))
         self.unchecked += len(block)
         return position, block
 
-    def _resumed(self, file: IO[bytes], position: int, size: int) -> int:
-        """Where to continue behind a damaged record: at the next chunk, else where the record states its end."""
-        claimed = self._claimed(file, position, size)
-        if self._next is None or self._next <= position:
-            self._next = self._next_chunk(file, position + 1, size)
-        if claimed is not None and claimed <= self._next:
-            return claimed
-        if self._next < size or self._vain > self._patience(size):
-            return self._next
-        loose = None if self._has_chunks(file, size) else next(search.loose_from(file, position + 1, size), None)
-        return loose or search.data_end_from(file, position + 1, size) or size
+    def _resume_position(self, file: IO[bytes], position: int, size: int) -> int:
+        """Return the position of the next record behind a damaged one.
 
-    def _has_chunks(self, file: IO[bytes], size: int) -> bool:
-        """Return True if the head of a chunk is anywhere: then no message outside of a chunk is trusted to be one."""
-        if self._chunked is None:
-            self._chunked = next(search.chunks_from(file, 0, size), None) is not None
-        return self._chunked
+        It is the next whole chunk, or the end that the damaged record claims, if that comes first and records follow
+        it; of a file without chunks the next plausible message, else the end of the data.
+        """
+        claimed_end = self._claimed_end(file, position, size)
+        if self._next_chunk is None or self._next_chunk <= position:
+            self._next_chunk = self._find_chunk(file, position + 1, size)
+        if claimed_end is not None and claimed_end <= self._next_chunk:
+            return claimed_end
+        if self._next_chunk < size or self._useless_work > self._max_useless_work(size):
+            return self._next_chunk
+        message_position = None
+        if not self._contains_chunks(file, size):
+            message_position = next(search.loose_from(file, position + 1, size), None)
+        return message_position or search.data_end_from(file, position + 1, size) or size
 
-    def _next_chunk(self, file: IO[bytes], begin: int, size: int) -> int:
-        """Where the next chunk is that is whole; the size of the file if none is left."""
-        for at in search.chunks_from(file, begin, size):
-            if self._opens(file, at):
-                return at
-            if self._vain > self._patience(size):
+    def _contains_chunks(self, file: IO[bytes], size: int) -> bool:
+        """Return True if the file has the head of a chunk: then messages outside chunks are not trusted."""
+        if self._has_chunks is None:
+            self._has_chunks = next(search.chunks_from(file, 0, size), None) is not None
+        return self._has_chunks
+
+    def _find_chunk(self, file: IO[bytes], begin: int, size: int) -> int:
+        """Return the position of the next whole chunk; the size of the file without one."""
+        for position in search.chunks_from(file, begin, size):
+            if self._is_whole_chunk(file, position):
+                return position
+            if self._useless_work > self._max_useless_work(size):
                 break
         return size
 
     @staticmethod
-    def _patience(size: int) -> int:
-        return _WORK * size + (1 << 28)
+    def _max_useless_work(size: int) -> int:
+        """Return the bytes that may be unpacked without a result, for a file of a size [bytes]."""
+        return _MAX_WORK * size + _MIN_WORK
 
-    def _claimed(self, file: IO[bytes], position: int, size: int) -> int | None:
-        """Return the end that a record claims, where records follow it."""
+    def _claimed_end(self, file: IO[bytes], position: int, size: int) -> int | None:
+        """Return the end that a record claims, if records follow it; else None."""
         file.seek(position)
-        head = file.read(9)
-        if len(head) < 9:
+        head = file.read(records.RECORD_HEAD)
+        if len(head) < records.RECORD_HEAD:
             return None
-        claimed = position + 9 + int(records.RECORD.unpack(head)[1])
-        return claimed if claimed < size and search.follows(file, claimed, size) else None
+        _, length = records.RECORD.unpack(head)
+        claimed_end = position + records.RECORD_HEAD + int(length)
+        return claimed_end if claimed_end < size and search.follows(file, claimed_end, size) else None
 
-    def _opens(self, file: IO[bytes], position: int) -> bool:
-        """Return True if a chunk is whole."""
+    def _is_whole_chunk(self, file: IO[bytes], position: int) -> bool:
+        """Return True if the chunk at a position is whole."""
         file.seek(position)
-        content = file.read(records.RECORD.unpack(file.read(9))[1])
+        _, length = records.RECORD.unpack(file.read(records.RECORD_HEAD))
+        content = file.read(length)
         try:
             records.open_chunk(content, self._unpacker)
         except Damage:
-            self._vain += len(content) + min(struct.unpack_from("<Q", content, 16)[0], records.LIMIT)
+            self._note_useless_work(content, len(content))
             return False
         return True
