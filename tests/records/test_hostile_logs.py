@@ -40,13 +40,13 @@ def definition(*types: str) -> str:
 def walked(monkeypatch) -> list[str]:
     """The structures that walkers go into from now on."""
     found: list[str] = []
-    whole = _Walker.message
+    whole = _Walker.walk_message
 
     def counted(walker, type_name, prefix):
         found.append(type_name)
         whole(walker, type_name, prefix)
 
-    monkeypatch.setattr(_Walker, "message", counted)
+    monkeypatch.setattr(_Walker, "walk_message", counted)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Mapping: which numbers of which topics are the channels of a device."""
+"""The mapping of numbers of topics to the channels of a device."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ class MappedSignal(Settings):
 
     @property
     def readings(self) -> tuple[FieldReading, ...]:
-        """What to read: one number, or the three of a vector."""
+        """The numbers to read: one, or the three of a vector."""
         if self.direction is not None:
             return tuple(FieldReading(f"{self.field}.{axis}", None, self.select) for axis in "xyz")
         return (FieldReading.parse(self.field, self.index, self.select),)
 
     @property
     def unit_vector(self) -> Floats | None:
-        """The direction with length 1; None where the field is a number."""
+        """The direction with length 1; None for a field that is a number."""
         return None if self.direction is None else np.array(self.direction) / np.linalg.norm(self.direction)
 
 

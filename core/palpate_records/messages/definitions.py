@@ -1,4 +1,4 @@
-"""ROS 2 message definitions: the text that a log or a pipeline carries, parsed into fields."""
+"""ROS 2 message definitions: the text in a log or a pipeline, parsed into fields."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate_records.messages.fields import Field as Field
 from palpate_records.messages.idl_definitions import is_idl, parse_idl
 from palpate_records.messages.standard_types import STANDARD_TYPES
 
-# Name -> numpy code; what numpy cannot hold as a number is None.
+# Codes of numpy by name.
 PRIMITIVES: Mapping[str, str] = {
     "bool": "u1",
     "byte": "u1",
@@ -29,9 +29,11 @@ PRIMITIVES: Mapping[str, str] = {
     "float32": "f4",
     "float64": "f8",
 }
-TEXT_LIMIT = 1 << 20  # characters of one definition; longer is damage
-_DEPTH_LIMIT = 32
-_MOST = (1 << 32) - 1  # elements of an array
+TEXT_LIMIT = 1 << 20  # characters of one definition; longer is damage: a choice
+_MAX_DEPTH = 32  # of types within types: a choice
+_MAX_ELEMENTS = (1 << 32) - 1  # of an array, by CDR
+_MAX_SHOWN = 60  # characters of a line in a message: a choice
+_TEXT_TYPES = ("string", "wstring")
 _FIELD = re.compile(
     r"(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>.*)$"
 )
@@ -41,6 +43,8 @@ _SEPARATOR = re.compile(r"^=+\s*$", re.MULTILINE)
 Definitions = Mapping[str, tuple[Field, ...]]
 
 _BUILT_IN = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
+_SHORT_NAMES = {"Header": "std_msgs/Header"}  # of types that need no package
+_ROS1_NAMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 
 
 def short_name(name: str) -> str:
@@ -58,73 +62,83 @@ def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
     """Return every type that a message type needs, by its short name.
 
     Types that the text leaves out are taken from the standard ones of ROS 2. Those of ROS 1 differ: its definitions are
-    whole, time and duration are built in, and a byte has a sign. Raises LogError where the text is not a definition,
-    names a type that is nowhere, or is cyclic.
+    whole, time and duration are built in, and a byte has a sign. Raises LogError for a text that is not a definition,
+    names a type that is not defined, or is cyclic.
     """
     if len(text) > TEXT_LIMIT:
         raise LogError(f"the definition of {name} has {len(text)} characters; more than {TEXT_LIMIT} is damage")
-    known = {key: STANDARD_TYPES[key] for key in _BUILT_IN} if ros1 else STANDARD_TYPES
-    if not text.strip() and short_name(name) in known:
-        text = known[short_name(name)]
-    elif not text.strip() and short_name(name) != "std_msgs/Empty":
+    standard_types = {key: STANDARD_TYPES[key] for key in _BUILT_IN} if ros1 else STANDARD_TYPES
+    root = short_name(name)
+    if not text.strip() and root in standard_types:
+        text = standard_types[root]
+    elif not text.strip() and root != "std_msgs/Empty":
         raise LogError(f"the log does not define {name or 'the type'}, and it is not a standard type")
     if not ros1 and is_idl(text):
-        found = parse_idl(name, text)
-        if short_name(name) not in found:
-            raise LogError(f"the IDL does not define {name} (but {', '.join(found) or 'nothing'})")
-        _complete(short_name(name), found, known)
-        return found
-    first, *rest = _SEPARATOR.split(text)
-    found = {short_name(name): _fields(first, name)}
-    for section in rest:
+        types = parse_idl(name, text)
+        if root not in types:
+            raise LogError(f"the IDL does not define {name} (but {', '.join(types) or 'nothing'})")
+    else:
+        types = _parse_sections(name, text)
+    _add_standard_types(root, types, standard_types)
+    if ros1:
+        return {key: tuple(map(_with_signed_byte, fields)) for key, fields in types.items()}
+    return types
+
+
+def _parse_sections(name: str, text: str) -> dict[str, tuple[Field, ...]]:
+    """Return the fields of a type, and of those that follow it in sections that begin with their names."""
+    first_section, *sections = _SEPARATOR.split(text)
+    types = {short_name(name): _parse_fields(first_section, name)}
+    for section in sections:
         head, _, body = section.strip().partition("\n")
         if not head.startswith("MSG:"):
             raise LogError(f"the definition of {name} is damaged: a part of it has no name")
-        other = short_name(head[4:].strip())
-        found[other] = _fields(body, other)
-    _complete(short_name(name), found, known)
-    if ros1:
-        return {key: tuple(_with_sign(field) for field in fields) for key, fields in found.items()}
-    return found
+        type_name = short_name(head[4:].strip())
+        types[type_name] = _parse_fields(body, type_name)
+    return types
 
 
-def _with_sign(field: Field) -> Field:
+def _with_signed_byte(field: Field) -> Field:
+    """Return a field of ROS 1, whose byte has a sign."""
     return replace(field, type="int8") if field.type == "byte" else field
 
 
-def _fields(text: str, owner: str) -> tuple[Field, ...]:
+def _parse_fields(text: str, owner: str) -> tuple[Field, ...]:
+    """Return the fields in the lines of a definition; raises LogError for a line that is not a field."""
     package = owner.split("/")[0]
     fields = []
     for line in text.splitlines():
-        words = _without_comment(line)
-        if not words:
+        declaration = _without_comment(line)
+        if not declaration:
             continue
-        match = _FIELD.match(words)
+        match = _FIELD.match(declaration)
         if match is None:
-            raise LogError(f"the definition of {owner} is damaged: {words[:60]!r} is not a field")
+            raise LogError(f"the definition of {owner} is damaged: {declaration[:_MAX_SHOWN]!r} is not a field")
         if match["rest"].startswith("="):  # a constant takes no place in a message
             continue
-        fields.append(_field(match["type"], match["array"], match["name"], package))
+        fields.append(_parse_field(match["type"], match["array"], match["name"], package))
     return tuple(fields)
 
 
-def _field(kind: str, array: str | None, name: str, package: str) -> Field:
-    """Return a field; raises LogError where it is an array of nothing, whose elements would take no bytes of a
-    message."""
-    if kind not in PRIMITIVES and kind not in ("string", "wstring"):
-        kind = short_name({"Header": "std_msgs/Header"}.get(kind, kind))
-        kind = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}.get(kind, kind)
-        kind = kind if "/" in kind else f"{package}/{kind}"
+def _parse_field(type_name: str, array: str | None, name: str, package: str) -> Field:
+    """Return a field, with the full name of its type.
+
+    Raises LogError for an array without elements, or of too many: it would take no bytes of a message.
+    """
+    if type_name not in PRIMITIVES and type_name not in _TEXT_TYPES:
+        type_name = short_name(_SHORT_NAMES.get(type_name, type_name))
+        type_name = _ROS1_NAMES.get(type_name, type_name)
+        type_name = type_name if "/" in type_name else f"{package}/{type_name}"
     if array is None:
-        return Field(name, kind)
-    inside = array[1:-1]
-    if not inside or inside.startswith("<="):
-        return Field(name, kind, None, many=True)
-    if len(inside) > len(str(_MOST)) or not 1 <= int(inside) <= _MOST:
+        return Field(name, type_name)
+    size = array[1:-1]
+    if not size or size.startswith("<="):
+        return Field(name, type_name, None, many=True)
+    if len(size) > len(str(_MAX_ELEMENTS)) or not 1 <= int(size) <= _MAX_ELEMENTS:
         raise LogError(
-            f"the definition of {package} is damaged: {name} has {inside[:20]} elements (1 to {_MOST} can be)"
+            f"the definition of {package} is damaged: {name} has {size[:20]} elements (1 to {_MAX_ELEMENTS} can be)"
         )
-    return Field(name, kind, int(inside), many=True)
+    return Field(name, type_name, int(size), many=True)
 
 
 def _without_comment(line: str) -> str:
@@ -140,25 +154,26 @@ def _without_comment(line: str) -> str:
     return line.strip()
 
 
-def _complete(root: str, found: dict[str, tuple[Field, ...]], known: Mapping[str, str]) -> None:
-    """Add known types that are named but not given; refuse what is nowhere, and cycles."""
+def _add_standard_types(root: str, types: dict[str, tuple[Field, ...]], standard_types: Mapping[str, str]) -> None:
+    """Add the standard types that definitions name; raises LogError for one that is not defined, and for cycles."""
     path: list[str] = []
-    done: set[str] = set()
+    visited: set[str] = set()
 
     def visit(name: str) -> None:
-        if name in done:
+        """Visit the types of the fields of a type, in depth."""
+        if name in visited:
             return
-        if name in path or len(path) > _DEPTH_LIMIT:
+        if name in path or len(path) > _MAX_DEPTH:
             raise LogError(f"the definition of {root} is damaged: {name} contains itself")
-        if name not in found:
-            if name not in known:
+        if name not in types:
+            if name not in standard_types:
                 raise LogError(f"the definition of {root} names {name}, which the log does not define")
-            found[name] = _fields(known[name], name)
+            types[name] = _parse_fields(standard_types[name], name)
         path.append(name)
-        for field in found[name]:
-            if field.type not in PRIMITIVES and field.type not in ("string", "wstring"):
+        for field in types[name]:
+            if field.type not in PRIMITIVES and field.type not in _TEXT_TYPES:
                 visit(field.type)
         path.pop()
-        done.add(name)
+        visited.add(name)
 
     visit(root)

@@ -1,4 +1,4 @@
-"""Feeds: how the streams of a device come out of the messages of a log."""
+"""Feeds: the streams of a device from the messages of a log."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from palpate_records.messages.readings import LATEST, FieldReading, MessageDecod
 from palpate_records.messages.topics import Container, Messages, Stamps, Topic
 from palpate_records.messages.turning_frames import rotate_vectors
 
-_SHOWN = 12
-_LOOKED = 50  # messages of a block whose joints and child frames are looked at
+# Choices.
+_MAX_SHOWN = 12  # names in a message
+_PROBE_MESSAGES = 50  # of a block, in which joints and child frames are searched
+_MIN_STAMPS = 10  # of a block, beyond which equal stamps are an error
 
 
 @dataclass(frozen=True)
 class TopicFeed:
-    """One stream, and how it comes out of one topic's messages."""
+    """One stream, with the readings of one topic that it is made of."""
 
     stream: Stream
     topic: str
@@ -30,12 +32,10 @@ class TopicFeed:
     factors: Floats  # (k,) SI per recorded unit
     clock: Clock
     decoder: MessageDecoder
-    directions: tuple[Floats | None, ...] = ()  # of each channel; None: a plain number
+    directions: tuple[Floats | None, ...] = ()  # of each channel; None for a plain number
     orientation: TopicFeed | None = None  # the quaternion that turns the vectors
-    function: Callable[[Floats], Floats] | None = (
-        None  # readings (n, j) -> channels (n, k), such as a robot's kinematics
-    )
-    left_out: Counter[str] = field(default_factory=Counter)  # messages by reason, of the latest way through
+    function: Callable[[Floats], Floats] | None = None  # from readings (n, j) to channels (n, k), such as kinematics
+    left_out: Counter[str] = field(default_factory=Counter)  # messages by reason, of the latest pass
 
     @property
     def scaled(self) -> bool:
@@ -43,28 +43,29 @@ class TopicFeed:
         return bool((self.factors != 1.0).any())
 
     def numbers(self, messages: Messages, log: str) -> tuple[Stamps, Stamps, Floats]:
-        """Time-stamps [ns], log times [ns] and values [SI] of a block; raises LogError."""
-        extra = (FieldReading.parse(self.clock.field, self.clock.index),) if isinstance(self.clock, TimeField) else ()
-        table = self.decoder.read(messages, (*self.readings, *extra))
-        every = len(table.rows) == len(messages)
-        logged = np.ascontiguousarray(messages.logged) if every else messages.logged[table.rows]
+        """Return time-stamps (n,) [ns], log times (n,) [ns] and values (n, k) [SI] of a block; raises LogError."""
+        readings = self.readings
+        if isinstance(self.clock, TimeField):  # the time is read as the last number
+            readings = (*readings, FieldReading.parse(self.clock.field, self.clock.index))
+        table = self.decoder.read(messages, readings)
+        is_whole = len(table.rows) == len(messages)
+        logged = np.ascontiguousarray(messages.logged) if is_whole else messages.logged[table.rows]
         if isinstance(self.clock, TimeField):
             seconds = table.values[:, -1] * si_unit(self.clock.unit)[1]
-            usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
-            self.left_out["no time"] += int(np.count_nonzero(~usable))
-            values, logged = table.values[usable, :-1], logged[usable]
-            return nanoseconds(seconds[usable]), logged, self._channels(values)
+            has_time = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
+            self.left_out["no time"] += int(np.count_nonzero(~has_time))
+            return nanoseconds(seconds[has_time]), logged[has_time], self._channels(table.values[has_time, :-1])
         stamps = logged
         if self.clock == "publish":
             stamps = messages.published[table.rows]
         elif self.clock == "stamp" and table.stamps is not None:
             stamps = table.stamps
-        if self.clock == "stamp" and len(stamps) > 10 and (stamps == stamps[0]).all():
+        if self.clock == "stamp" and len(stamps) > _MIN_STAMPS and (stamps == stamps[0]).all():
             raise LogError(f'{log}: the stamps of {self.topic} do not move; set time = "log"')
         return stamps, logged, self._channels(table.values)
 
     def _channels(self, values: Floats) -> Floats:
-        """As recorded (n, readings), into the channels in SI (n, k); what must be turned first stays as it is."""
+        """Return the channels (n, k) [SI] of readings (n, j); vectors that wait for an orientation as recorded."""
         if self.function is not None:
             return self.function(values)
         if self.orientation is not None:
@@ -75,24 +76,26 @@ class TopicFeed:
             return sensible(values * self.factors if self.scaled else values)
 
     def along(self, values: Floats, quaternions: Floats | None = None) -> Floats:
-        """Channels [SI] (n, k) of readings (n, readings): vectors, rotated where declared, along their directions."""
-        columns, at = [], 0
+        """Return the channels (n, k) [SI] of readings (n, j): vectors, rotated if declared, along their directions."""
+        columns = []
+        first = 0  # column of the readings
         for direction in self.directions:
             if direction is None:
-                columns.append(values[:, at])
-                at += 1
+                columns.append(values[:, first])
+                first += 1
                 continue
-            vectors = values[:, at : at + 3]
-            vectors = vectors if quaternions is None else rotate_vectors(quaternions, vectors)
+            vectors = values[:, first : first + 3]
+            if quaternions is not None:
+                vectors = rotate_vectors(quaternions, vectors)
             columns.append(sum(vectors[:, axis] * direction[axis] for axis in range(3)))
-            at += 3
+            first += 3
         with np.errstate(over="ignore", invalid="ignore"):
             return sensible(np.column_stack(columns) * self.factors)
 
 
 @dataclass(frozen=True)
 class MappedStream:
-    """A stream, and the signals that are its channels: of one topic, one part of it, and turned by one orientation."""
+    """A stream with its signals: of one topic, one joint or frame of it, and turned by one orientation."""
 
     stream: Stream
     signals: tuple[MappedSignal, ...]
@@ -104,80 +107,93 @@ def mapped_streams(signals: Mapping[str, MappedSignal]) -> list[MappedStream]:
     for name, signal in signals.items():
         groups.setdefault((signal.topic, signal.select, signal.orientation), {})[name] = signal
     names = stream_names([topic if select is None else f"{topic}/{select}" for topic, select, _ in groups])
-    found = []
-    for stream, group in zip(names, groups.values(), strict=True):
+    streams = []
+    for stream_name, group in zip(names, groups.values(), strict=True):
         channels = tuple(Channel(name, si_unit(signal.unit)[0]) for name, signal in group.items())
-        found.append(MappedStream(Stream(stream, channels, None, clock="log"), tuple(group.values())))
-    return found
+        streams.append(MappedStream(Stream(stream_name, channels, None, clock="log"), tuple(group.values())))
+    return streams
 
 
 def mapped_feeds(
     container: Container, signals: Mapping[str, MappedSignal], clock: Clock, log: str, turn: TopicFeed | None = None
 ) -> list[TopicFeed]:
-    """Return a stream for each topic that signals name, with a channel for each signal; raises LogError.
+    """Return a feed for each topic that signals name, with a channel for each signal; raises LogError.
 
-    `turn` gives the quaternions of the kinematics, where there are some.
+    `turn` gives the quaternions of the kinematics, if there are any.
     """
-    feeds = []
-    for signal in (signal for group in mapped_streams(signals) for signal in group.signals):
+    mapped = mapped_streams(signals)
+    for signal in (signal for mapped_stream in mapped for signal in mapped_stream.signals):
         if signal.topic not in container.topics:
             name = next(name for name, other in signals.items() if other is signal)
-            raise LogError(f"{log}: topic {signal.topic!r} of {name!r} is not in the log ({_some(container.topics)})")
-    for group in mapped_streams(signals):
-        topic, orientation = group.signals[0].topic, group.signals[0].orientation
-        decoder = _decoder(container, topic, log)
-        factors = np.array([si_unit(signal.unit)[1] * signal.scale for signal in group.signals])
-        readings = tuple(reading for signal in group.signals for reading in signal.readings)
-        directions = tuple(signal.unit_vector for signal in group.signals)
-        turning = (
-            _orientation_feed(container, orientation, clock, log) if isinstance(orientation, Orientation) else turn
-        )
-        if orientation == "kinematics" and turn is None:
-            raise LogError(f'{log}: orientation = "kinematics" needs a table of kinematics')
-        feeds.append(
-            TopicFeed(
-                group.stream,
-                topic,
-                readings,
-                factors,
-                clock,
-                decoder,
-                directions,
-                None if orientation is None else turning,
+            raise LogError(
+                f"{log}: topic {signal.topic!r} of {name!r} is not in the log ({_list_names(container.topics)})"
             )
-        )
+    feeds = [_mapped_feed(container, mapped_stream, clock, log, turn) for mapped_stream in mapped]
     check_fields(container, [*feeds, *(feed.orientation for feed in feeds if feed.orientation is not None)], log)
     return feeds
 
 
+def _mapped_feed(
+    container: Container, mapped: MappedStream, clock: Clock, log: str, turn: TopicFeed | None
+) -> TopicFeed:
+    """Return the feed of one stream; raises LogError."""
+    signals = mapped.signals
+    topic = signals[0].topic
+    decoder = _decoder(container, topic, log)
+    orientation = signals[0].orientation
+    orientation_feed = None
+    if isinstance(orientation, Orientation):
+        orientation_feed = _orientation_feed(container, orientation, clock, log)
+    elif orientation == "kinematics":
+        if turn is None:
+            raise LogError(f'{log}: orientation = "kinematics" needs a table of kinematics')
+        orientation_feed = turn
+    return TopicFeed(
+        mapped.stream,
+        topic=topic,
+        readings=tuple(reading for signal in signals for reading in signal.readings),
+        factors=np.array([si_unit(signal.unit)[1] * signal.scale for signal in signals]),
+        clock=clock,
+        decoder=decoder,
+        directions=tuple(signal.unit_vector for signal in signals),
+        orientation=orientation_feed,
+    )
+
+
 def _decoder(container: Container, topic: str, log: str) -> MessageDecoder:
+    """Return the decoder of a topic; raises LogError for an unknown topic or format."""
     if topic not in container.topics:
-        raise LogError(f"{log}: topic {topic!r} is not in the log ({_some(container.topics)})")
+        raise LogError(f"{log}: topic {topic!r} is not in the log ({_list_names(container.topics)})")
     with name_the_log(log):
         return decoder_of(container.topics[topic])
 
 
 def _orientation_feed(container: Container, orientation: Orientation, clock: Clock, log: str) -> TopicFeed:
-    readings = tuple(FieldReading(f"{orientation.field}.{axis}") for axis in "xyzw")
-    decoder = _decoder(container, orientation.topic, log)
-    clock = "stamp" if isinstance(clock, TimeField) else clock
-    return TopicFeed(Stream("", (), None), orientation.topic, readings, np.ones(4), clock, decoder)
+    """Return the feed of the quaternions of an orientation, which have no time as a number."""
+    return TopicFeed(
+        Stream("", (), None),
+        topic=orientation.topic,
+        readings=tuple(FieldReading(f"{orientation.field}.{axis}") for axis in "xyzw"),
+        factors=np.ones(4),
+        clock="stamp" if isinstance(clock, TimeField) else clock,
+        decoder=_decoder(container, orientation.topic, log),
+    )
 
 
 def stream_names(topics: Sequence[str]) -> list[str]:
-    """Return the last word of each topic, or all of them where two end alike."""
-    short = [topic.strip("/").rsplit("/", 1)[-1] or "topic" for topic in topics]
-    counts = Counter(short)
-    names = [
-        name if counts[name] == 1 else topic.strip("/").replace("/", "_")
-        for name, topic in zip(short, topics, strict=True)
-    ]
-    return [name.replace(".", "_") for name in names]
+    """Return the last part of each topic; all parts of topics that end alike."""
+    last_parts = [topic.strip("/").rsplit("/", 1)[-1] or "topic" for topic in topics]
+    counts = Counter(last_parts)
+    names = []
+    for last_part, topic in zip(last_parts, topics, strict=True):
+        name = last_part if counts[last_part] == 1 else topic.strip("/").replace("/", "_")
+        names.append(name.replace(".", "_"))
+    return names
 
 
 @contextmanager
 def name_the_log(log: str) -> Iterator[None]:
-    """Let a LogError name its log."""
+    """Put the name of the log before the message of a LogError that lacks it."""
     try:
         yield
     except LogError as error:
@@ -185,41 +201,42 @@ def name_the_log(log: str) -> Iterator[None]:
 
 
 def check_fields(container: Container, feeds: Sequence[TopicFeed], log: str) -> None:
-    """Refuse fields that the first message of their topic does not have, and names that none has."""
-    waiting = {feed.topic: [f for f in feeds if f.topic == feed.topic] for feed in feeds}
+    """Raise LogError for fields that the first message of their topic does not have, and names that none has."""
+    unchecked = {feed.topic: [other for other in feeds if other.topic == feed.topic] for feed in feeds}
     with name_the_log(log):
-        for topic, messages in container.blocks(set(waiting)):
-            for feed in waiting.pop(topic, []):
+        for topic, messages in container.blocks(set(unchecked)):
+            for feed in unchecked.pop(topic, []):
                 fields = feed.decoder.fields(messages.payload(0))
                 for reading in feed.readings:
                     if reading.select is None:
                         _check_reading(reading, fields, topic, log)
-            if not waiting:
+            if not unchecked:
                 break
-        if waiting:
-            raise LogError(f"{log}: topic {next(iter(waiting))!r} has no messages")
+        if unchecked:
+            raise LogError(f"{log}: topic {next(iter(unchecked))!r} has no messages")
         for feed in feeds:
             _check_names(container, feed, log)
 
 
 def _check_names(container: Container, feed: TopicFeed, log: str) -> None:
-    """Refuse joints and child frames that no message of the topic names."""
+    """Raise LogError for joints and child frames that no message of the topic names."""
     missing = {reading.select for reading in feed.readings if reading.select is not None}
     if not missing:
         return
-    there: dict[str, None] = {}
+    names: dict[str, None] = {}
     for _, messages in container.blocks({feed.topic}):
-        for row in range(0, len(messages), max(len(messages) // _LOOKED, 1)):
-            there |= dict.fromkeys(feed.decoder.names(messages.payload(row)))
-        if missing <= there.keys():
+        for row in range(0, len(messages), max(len(messages) // _PROBE_MESSAGES, 1)):
+            names |= dict.fromkeys(feed.decoder.names(messages.payload(row)))
+        if missing <= names.keys():
             return
-    name = min(missing - there.keys())
-    raise LogError(f"{log}: no message of {feed.topic} names {name!r} ({_some(there)})")
+    name = min(missing - names.keys())
+    raise LogError(f"{log}: no message of {feed.topic} names {name!r} ({_list_names(names)})")
 
 
 def _check_reading(reading: FieldReading, fields: Mapping[str, int | None], topic: str, log: str) -> None:
+    """Raise LogError for a reading without a field, of an array without an index, or with one beyond its elements."""
     if reading.path not in fields:
-        raise LogError(f"{log}: the messages of {topic} have no number {reading.path!r} ({_some(fields)})")
+        raise LogError(f"{log}: the messages of {topic} have no number {reading.path!r} ({_list_names(fields)})")
     count = fields[reading.path]
     if count is None and reading.index is not None:
         raise LogError(f"{log}: {reading.path!r} of {topic} is one number: leave out index")
@@ -229,20 +246,28 @@ def _check_reading(reading: FieldReading, fields: Mapping[str, int | None], topi
         raise LogError(f"{log}: {reading.path!r} of {topic} has {count} elements: index {reading.index} is beyond them")
 
 
-def _some(names: Mapping[str, object]) -> str:
-    shown = list(names)[:_SHOWN]
-    return f"there are: {', '.join(shown) or 'none'}{', ...' if len(names) > _SHOWN else ''}"
+def _list_names(names: Mapping[str, object]) -> str:
+    """Return the first names, as in "there are: a, b, ..."."""
+    first_names = list(names)[:_MAX_SHOWN]
+    return f"there are: {', '.join(first_names) or 'none'}{', ...' if len(names) > _MAX_SHOWN else ''}"
 
 
 def untimed_note(feeds: Sequence[TopicFeed], name: str) -> tuple[str, ...]:
-    """Return how many messages were left out since the time in them is not finite, in words."""
+    """Return a sentence on each topic with messages whose time is not finite, which are left out."""
     counts = {feed.topic: feed.left_out["no time"] for feed in feeds if feed.left_out["no time"]}
     return tuple(
-        f"{name}: {n} messages of {topic} have no finite time, and were left out" for topic, n in counts.items()
+        f"{name}: {count} messages of {topic} have no finite time, and were left out" for topic, count in counts.items()
     )
 
 
 def raw_feed(topic: Topic, stream: Stream, paths: Sequence[str]) -> TopicFeed:
-    """Return a stream of numbers at known paths, in SI already."""
+    """Return the feed of numbers at known paths, which are in SI."""
     readings = tuple(FieldReading.parse(path) for path in paths)
-    return TopicFeed(stream, topic.name, readings, np.ones(len(readings)), "stamp", decoder_of(topic))
+    return TopicFeed(
+        stream,
+        topic=topic.name,
+        readings=readings,
+        factors=np.ones(len(readings)),
+        clock="stamp",
+        decoder=decoder_of(topic),
+    )

@@ -11,5 +11,5 @@ class Field:
 
     name: str
     type: str  # a primitive, "string", or the full name of another type
-    count: int | None = 1  # elements; None where each message says how many
-    many: bool = False  # an array or a sequence
+    count: int | None = 1  # elements; None if each message states their number
+    many: bool = False  # True for an array or a sequence

@@ -1,4 +1,4 @@
-"""ROS 2 message definitions as IDL (OMG IDL 4.2, what of it ``rosidl`` writes): the text, parsed into fields."""
+"""ROS 2 message definitions as IDL (OMG IDL 4.2, the part that ``rosidl`` writes): the text, parsed into fields."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate import LogError
 
 from palpate_records.messages.fields import Field
 
-# What is opened and never closed goes to the end: looking for its end again from every place would take hours.
+# A text or comment that is never closed goes to the end: a search for its end from every place would take hours.
 _TOKEN = re.compile(
     r'"(?:\\.|[^"\\])*(?:"|\\?\Z)|\'(?:\\.|[^\'\\])*(?:\'|\\?\Z)|(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*|[\d.][\w.+-]*|\S',
     re.DOTALL,
@@ -18,7 +18,7 @@ _TOKEN = re.compile(
 _COMMENT = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LINE = re.compile(r"^(?:#.*|=+\s*|IDL:.*)$", re.MULTILINE)  # of the preprocessor, and between types in a log
 _BEGIN = re.compile(r"(?:module|struct|typedef|enum|const)\s+\w|@\w")
-_NAMES = {
+_PRIMITIVE_NAMES = {
     "boolean": "bool",
     "octet": "byte",
     "char": "uint8",
@@ -32,9 +32,9 @@ _NAMES = {
     "double": "float64",
     **{f"{sign}int{bits}": f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
 }
-_DEPTH = 16  # of modules, and of arrays
-_MOST = (1 << 32) - 1  # elements of an array
-_SHOWN = 200  # characters of a problem
+_MAX_DEPTH = 16  # of modules in modules, and dimensions of arrays: a choice
+_MAX_ELEMENTS = (1 << 32) - 1  # of an array, by CDR
+_MAX_SHOWN = 200  # characters of a problem: a choice
 _TEXTS = ("string", "wstring")
 
 
@@ -44,186 +44,215 @@ def is_idl(text: str) -> bool:
     >>> is_idl("module a { module msg { struct B { double x; }; }; };"), is_idl("float64 x")
     (True, False)
     """
-    return _BEGIN.match(_plain(text).lstrip()) is not None
+    return _BEGIN.match(_without_comments(text).lstrip()) is not None
 
 
 def parse_idl(owner: str, text: str) -> dict[str, tuple[Field, ...]]:
-    """Return the fields of every structure of an IDL text by its short name; raises LogError where it cannot be
-    read."""
-    parser = _Parser(owner, _TOKEN.findall(_plain(text)))
-    parser.definitions([])
+    """Return the fields of every structure of an IDL text by its short name; raises LogError."""
+    parser = _Parser(owner, _TOKEN.findall(_without_comments(text)))
+    parser.parse_definitions([])
     return parser.structures
 
 
-def _plain(text: str) -> str:
+def _without_comments(text: str) -> str:
+    """Return a text without comments and lines of the preprocessor."""
     return _LINE.sub("", _COMMENT.sub(lambda match: match[1] or " ", text))
 
 
 @dataclass
 class _Parser:
+    """A parser of the tokens of one text; a scope is the list of names of the modules and structures around."""
+
     owner: str
     tokens: list[str]
-    at: int = 0
+    position: int = 0  # of the next token
     structures: dict[str, tuple[Field, ...]] = field(default_factory=dict)
     aliases: dict[str, Field] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
 
-    def definitions(self, scope: list[str]) -> None:
-        """All up to the end of a module, or of the text."""
-        if len(scope) > _DEPTH:
+    def parse_definitions(self, scope: list[str]) -> None:
+        """Parse all definitions up to the end of a module, or of the text; raises LogError."""
+        if len(scope) > _MAX_DEPTH:
             raise self._damage(f"modules within modules, {len(scope)} deep")
-        while self.at < len(self.tokens) and self.tokens[self.at] != "}":
-            self._annotations()
+        while self.position < len(self.tokens) and self.tokens[self.position] != "}":
+            self._skip_annotations()
             match self._next():
                 case "module":
                     name = self._next()
                     self._demand("{")
-                    self.definitions([*scope, name])
+                    self.parse_definitions([*scope, name])
                     self._demand("}")
                 case "struct":
-                    self._struct(scope)
+                    self._parse_struct(scope)
                 case "typedef":
-                    for found in self._declared(scope):
-                        self.aliases[_joined(scope, found.name)] = found
+                    for declaration in self._parse_declarations(scope):
+                        self.aliases[_scoped_name(scope, declaration.name)] = declaration
                 case "enum":
                     name = self._next()
-                    self.aliases[_joined(scope, name)] = Field(name, "uint32")
+                    self.aliases[_scoped_name(scope, name)] = Field(name, "uint32")
                     self._skip_to("}")
                     self._demand("}")
                 case "const":
-                    self._constant(scope)
+                    self._parse_constant(scope)
                 case other:
                     raise self._damage(f"{other!r} is not a module, struct, typedef, enum or const")
             self._demand(";")
 
-    def _struct(self, scope: list[str]) -> None:
+    def _parse_struct(self, scope: list[str]) -> None:
+        """Add a structure."""
         name = self._next()
         if self._peek() != "{":
             raise self._damage(f"struct {name} is derived from another, or has no members")
         self._demand("{")
         members: list[Field] = []
         while self._peek() != "}":
-            self._annotations()
-            members += self._declared([*scope, name])
+            self._skip_annotations()
+            members += self._parse_declarations([*scope, name])
             self._demand(";")
         self._demand("}")
-        self.structures[_short([*scope, name])] = tuple(members)
+        self.structures[_short_name([*scope, name])] = tuple(members)
 
-    def _constant(self, scope: list[str]) -> None:
-        begin = self.at
+    def _parse_constant(self, scope: list[str]) -> None:
+        """Add a constant: its name stands before "=", its value last."""
+        begin = self.position
         self._skip_to(";")
-        words = self.tokens[begin : self.at]
-        if "=" in words:
-            self.constants[_joined(scope, words[words.index("=") - 1])] = words[-1]
+        tokens = self.tokens[begin : self.position]
+        if "=" in tokens:
+            name = tokens[tokens.index("=") - 1]
+            self.constants[_scoped_name(scope, name)] = tokens[-1]
 
-    def _declared(self, scope: list[str]) -> list[Field]:
-        """Names of one type, each with its own dimensions."""
-        kind, found = self._type(scope), list[Field]()
+    def _parse_declarations(self, scope: list[str]) -> list[Field]:
+        """Return the fields of one type, each with its own dimensions; raises LogError for too many elements."""
+        field_type = self._parse_type(scope)
+        fields = list[Field]()
         while True:
-            name, sizes = self._next(), list[int]()
-            while self._peek() == "[":
-                self._demand("[")
-                sizes.append(self._size(scope))
-                self._demand("]")
-                if prod(sizes) > _MOST or len(sizes) > _DEPTH:
-                    raise self._damage(f"{name} has more than {_MOST} elements, or {_DEPTH} dimensions")
-            if sizes and kind.many and kind.count is None:
+            name = self._next()
+            sizes = self._parse_dimensions(scope, name)
+            if sizes and field_type.many and field_type.count is None:
                 raise self._damage(f"{name} is an array of sequences")
-            count = prod(sizes) * (kind.count or 1) if sizes else kind.count
-            if count is not None and count > _MOST:
-                raise self._damage(f"{name} has more than {_MOST} elements")
-            found.append(Field(name, kind.type, count, kind.many or bool(sizes)))
+            count = prod(sizes) * (field_type.count or 1) if sizes else field_type.count
+            if count is not None and count > _MAX_ELEMENTS:
+                raise self._damage(f"{name} has more than {_MAX_ELEMENTS} elements")
+            fields.append(Field(name, field_type.type, count, many=field_type.many or bool(sizes)))
             if self._peek() != ",":
-                return found
+                return fields
             self._demand(",")
 
-    def _type(self, scope: list[str]) -> Field:
-        word = self._next()
-        if word == "sequence":
-            self._demand("<")
-            inside = Field("", "", None, many=True) if self._peek() == "sequence" else self._type(scope)
-            if inside.many:
-                raise self._damage("a sequence of sequences or arrays")
-            self._bound(scope, ",")
-            self._demand(">")
-            return Field("", inside.type, None, many=True)
-        if word in _TEXTS:
-            self._bound(scope, "<")
+    def _parse_dimensions(self, scope: list[str], name: str) -> list[int]:
+        """Return the sizes in brackets behind a name."""
+        sizes = list[int]()
+        while self._peek() == "[":
+            self._demand("[")
+            sizes.append(self._parse_size(scope))
+            self._demand("]")
+            if prod(sizes) > _MAX_ELEMENTS or len(sizes) > _MAX_DEPTH:
+                raise self._damage(f"{name} has more than {_MAX_ELEMENTS} elements, or {_MAX_DEPTH} dimensions")
+        return sizes
+
+    def _parse_type(self, scope: list[str]) -> Field:
+        """Return a type as a field without a name; raises LogError for one that messages of ROS 2 do not have."""
+        name = self._next()
+        if name == "sequence":
+            return self._parse_sequence(scope)
+        if name in _TEXTS:
+            self._skip_bound(scope, "<")
             if self._peek() == ">":
                 self._demand(">")
-            return Field("", word)
-        while word in ("unsigned", "long", "unsigned long") and self._peek() in ("short", "long", "double"):
-            word += f" {self._next()}"
-        if word in _NAMES:
-            return Field("", _NAMES[word])
-        if "::" not in word and word in ("wchar", "long double", "any", "fixed", "map", "union", "struct"):
-            raise self._damage(f"{word!r} is not a type that messages of ROS 2 have")
-        return self._named(scope, word)
+            return Field("", name)
+        # Names of several tokens, such as "unsigned long long".
+        while name in ("unsigned", "long", "unsigned long") and self._peek() in ("short", "long", "double"):
+            name += f" {self._next()}"
+        if name in _PRIMITIVE_NAMES:
+            return Field("", _PRIMITIVE_NAMES[name])
+        if "::" not in name and name in ("wchar", "long double", "any", "fixed", "map", "union", "struct"):
+            raise self._damage(f"{name!r} is not a type that messages of ROS 2 have")
+        return self._named_type(scope, name)
 
-    def _named(self, scope: list[str], word: str) -> Field:
-        for inner in range(len(scope), -1, -1):
-            path = [*scope[:inner], *word.removeprefix("::").split("::")]
+    def _parse_sequence(self, scope: list[str]) -> Field:
+        """Return a sequence of numbers, texts or structures."""
+        self._demand("<")
+        element = Field("", "", None, many=True) if self._peek() == "sequence" else self._parse_type(scope)
+        if element.many:
+            raise self._damage("a sequence of sequences or arrays")
+        self._skip_bound(scope, ",")
+        self._demand(">")
+        return Field("", element.type, None, many=True)
+
+    def _named_type(self, scope: list[str], name: str) -> Field:
+        """Return the alias or structure of a name, in the innermost scope that has one; else one that comes later."""
+        parts = name.removeprefix("::").split("::")
+        for depth in range(len(scope), -1, -1):
+            path = [*scope[:depth], *parts]
             if alias := self.aliases.get("::".join(path)):
                 return alias
-            if _short(path) in self.structures:
-                return Field("", _short(path))
-        return Field("", _short([*(scope[:-1] if "::" not in word else []), *word.removeprefix("::").split("::")]))
+            if _short_name(path) in self.structures:
+                return Field("", _short_name(path))
+        return Field("", _short_name([*(scope[:-1] if "::" not in name else []), *parts]))
 
-    def _bound(self, scope: list[str], before: str) -> None:
-        """Largest number of elements; a message states its own."""
-        if self._peek() == before:
-            self._demand(before)
-            self._size(scope)
+    def _skip_bound(self, scope: list[str], separator: str) -> None:
+        """Skip the largest number of elements behind a separator; a message states its own number."""
+        if self._peek() == separator:
+            self._demand(separator)
+            self._parse_size(scope)
 
-    def _size(self, scope: list[str]) -> int:
-        word = self._next()
-        for inner in range(len(scope), -1, -1):
-            word = self.constants.get(_joined(scope[:inner], word.removeprefix("::")), word)
-        if not (word.isascii() and word.isdigit() and len(word) <= len(str(_MOST))) or not 1 <= int(word) <= _MOST:
-            raise self._damage(f"{word[:20]!r} is not a number of elements (1 to {_MOST})")
-        return int(word)
+    def _parse_size(self, scope: list[str]) -> int:
+        """Return a number of elements, written as such or as the name of a constant; raises LogError."""
+        text = self._next()
+        for depth in range(len(scope), -1, -1):
+            text = self.constants.get(_scoped_name(scope[:depth], text.removeprefix("::")), text)
+        is_number = text.isascii() and text.isdigit() and len(text) <= len(str(_MAX_ELEMENTS))
+        if not is_number or not 1 <= int(text) <= _MAX_ELEMENTS:
+            raise self._damage(f"{text[:20]!r} is not a number of elements (1 to {_MAX_ELEMENTS})")
+        return int(text)
 
-    def _annotations(self) -> None:
+    def _skip_annotations(self) -> None:
+        """Skip "@name" and its arguments in parentheses."""
         while self._peek() == "@":
-            self.at += 2
+            self.position += 2
             if self._peek() == "(":
-                deep = 0
+                depth = 0
                 while True:
-                    word = self._next()
-                    deep += (word == "(") - (word == ")")
-                    if not deep:
+                    token = self._next()
+                    depth += (token == "(") - (token == ")")
+                    if not depth:
                         break
 
     def _peek(self) -> str:
-        return self.tokens[self.at] if self.at < len(self.tokens) else ""
+        """Return the next token without reading it; "" at the end."""
+        return self.tokens[self.position] if self.position < len(self.tokens) else ""
 
     def _next(self) -> str:
-        if self.at >= len(self.tokens):
+        """Read the next token; raises LogError at the end."""
+        if self.position >= len(self.tokens):
             raise self._damage("it ends too early")
-        self.at += 1
-        return self.tokens[self.at - 1]
+        self.position += 1
+        return self.tokens[self.position - 1]
 
-    def _demand(self, word: str) -> None:
-        if self._peek() != word:
-            raise self._damage(f"{self._peek() or 'the end'!r} where {word!r} is to be")
-        self.at += 1
+    def _demand(self, token: str) -> None:
+        """Read a certain token; raises LogError for any other."""
+        if self._peek() != token:
+            raise self._damage(f"{self._peek() or 'the end'!r} where {token!r} is to be")
+        self.position += 1
 
-    def _skip_to(self, word: str) -> None:
-        while self._peek() != word:
+    def _skip_to(self, token: str) -> None:
+        """Skip all tokens before a certain one."""
+        while self._peek() != token:
             self._next()
 
     def _damage(self, problem: str) -> LogError:
-        return LogError(f"the definition of {self.owner} cannot be read as IDL: {problem[:_SHOWN]}")
+        """Return the error of a definition that cannot be read."""
+        return LogError(f"the definition of {self.owner} cannot be read as IDL: {problem[:_MAX_SHOWN]}")
 
 
-def _joined(scope: list[str], name: str) -> str:
+def _scoped_name(scope: list[str], name: str) -> str:
+    """Return a name with those of its scope."""
     return "::".join([*scope, name])
 
 
-def _short(path: list[str]) -> str:
-    """Return a structure's short name; what DDS appends to names of ROS is taken away.
+def _short_name(path: list[str]) -> str:
+    """Return a structure's short name, without the additions of DDS to names of ROS.
 
-    >>> _short(["lab_msgs", "msg", "Load"]), _short(["lab_msgs", "msg", "dds_", "Load_"])
+    >>> _short_name(["lab_msgs", "msg", "Load"]), _short_name(["lab_msgs", "msg", "dds_", "Load_"])
     ('lab_msgs/Load', 'lab_msgs/Load')
     """
     name = path[-1].removesuffix("_") if "dds_" in path[:-1] else path[-1]

@@ -1,4 +1,4 @@
-"""Messages that a library decodes one by one into objects: what a path leads to in them."""
+"""Messages that a library decodes one by one into objects, in which paths lead to numbers and texts."""
 
 from __future__ import annotations
 
@@ -17,84 +17,87 @@ from palpate_records.messages.memory_budget import ELEMENT, Budget, BudgetError
 from palpate_records.messages.readings import LATEST, SECOND, FieldReading, TopicTable
 from palpate_records.messages.topics import Messages, Stamps, Topic
 
-_ELEMENTS = 1000  # of an array are listed
-_SEPARATORS = 64  # in a path, at which a name with dots or brackets may end
-_DEPTH = 16
-_LARGEST = 1.7e308
-_DIGITS = 40  # characters of a number
+_MAX_ELEMENTS = 1000  # of an array that are listed: a choice
+_MAX_SEPARATORS = 64  # in a path, at which a name with dots or brackets may end: a choice
+_MAX_DEPTH = 16  # of objects within objects: a choice
+_MAX_NUMBER = 1.7e308  # nearly the largest double
+_MAX_DIGITS = 40  # characters of a number that is written as a text: a choice
 _NUMBER = re.compile(r"[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
-_STAMPS = ("header.stamp", "timestamp", "stamp")
+_STAMP_PATHS = ("header.stamp", "timestamp", "stamp")
+_STAMP_NAMES = (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs"))
 
 
 @dataclass(frozen=True)
 class ObjectDecoder:
-    """Reads the messages of a topic by a function that makes an object, or nested dictionaries, of each."""
+    """Decoder of a topic by a function that makes an object, or nested dictionaries, of each message."""
 
     topic: Topic
     load: Callable[[bytes], Any]
 
-    def _loaded(self, payload: bytes) -> Any:
+    def _load(self, payload: bytes) -> Any:
+        """Return the object of a message; raises LogError."""
         try:
             return self.load(payload)
         except Exception as error:  # each library has errors of its own, and those of the C library below it
-            how = self.topic.encoding
-            kind = BudgetError if isinstance(error, BudgetError) else LogError
-            raise kind(f"topic {self.topic.name}: a message is damaged: it is not valid {how}: {error}") from error
+            error_class = BudgetError if isinstance(error, BudgetError) else LogError
+            raise error_class(
+                f"topic {self.topic.name}: a message is damaged: it is not valid {self.topic.encoding}: {error}"
+            ) from error
 
     def _budget(self, payload: bytes) -> Budget:
+        """Return the budget of a message."""
         return Budget(f"a message of topic {self.topic.name}", len(payload))
 
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
-        """See `Decoder`."""
-        found: dict[str, int | None] = {}
-        _list_numbers(self._loaded(payload), "", found, self._budget(payload))
-        return found
+        """See `MessageDecoder.fields`."""
+        counts: dict[str, int | None] = {}
+        _list_numbers(self._load(payload), "", counts, self._budget(payload))
+        return counts
 
     def texts(self, payload: bytes) -> Mapping[str, str]:
-        """See `Decoder`."""
-        found: dict[str, str] = {}
-        _list_texts(self._loaded(payload), "", found, self._budget(payload))
-        return found
+        """See `MessageDecoder.texts`."""
+        texts: dict[str, str] = {}
+        _list_texts(self._load(payload), "", texts, self._budget(payload))
+        return texts
 
     def names(self, payload: bytes) -> Collection[str]:
-        """See `Decoder`."""
-        return [name for name, _, _ in _named(self._loaded(payload))]
+        """See `MessageDecoder.names`."""
+        return [name for name, _, _ in _named_parts(self._load(payload))]
 
     def read(self, messages: Messages, readings: Sequence[FieldReading]) -> TopicTable:
-        """See `Decoder`."""
+        """See `MessageDecoder.read`."""
         rows: list[int] = []
         values: list[list[float]] = []
         stamps: list[int | None] = []
-        selecting = [reading for reading in readings if reading.select is not None]
+        selected_names = [reading.select for reading in readings if reading.select is not None]
         for row in range(len(messages)):
-            item = self._loaded(messages.payload(row))
-            places = {name: (path, index) for name, path, index in _named(item)} if selecting else {}
-            if selecting and not any(reading.select in places for reading in selecting):
+            item = self._load(messages.payload(row))
+            places = {name: (path, index) for name, path, index in _named_parts(item)} if selected_names else {}
+            if selected_names and not any(name in places for name in selected_names):
                 continue
-            paths = [_path(reading, places) for reading in readings]
+            paths = [_path_in_message(reading, places) for reading in readings]
             rows.append(row)
-            values.append([_number(_inside(item, path)) for path in paths])
+            values.append([_finite_number(_value_at(item, path)) for path in paths])
             stamps.append(_stamp(item, paths))
-        known: Stamps | None = None
-        if None not in stamps:
-            known = np.array(stamps, np.int64)
         table: Floats = np.array(values, float).reshape(len(values), len(readings))
-        return TopicTable(np.array(rows, np.int64), table, known)
+        stamp_column: Stamps | None = None if None in stamps else np.array(stamps, np.int64)
+        return TopicTable(np.array(rows, np.int64), table, stamp_column)
 
 
-def _named(item: Any) -> Iterator[tuple[str, str, int | None]]:
-    """Joints and child frames: the name, the element they are, or the place that theirs has in every array."""
-    names = _inside(item, "name")
+def _named_parts(item: Any) -> Iterator[tuple[str, str, int | None]]:
+    """Yield the joints and child frames of a message: name, path of its element, and its index in every array."""
+    names = _value_at(item, "name")
     if isinstance(names, Sequence) and not isinstance(names, str | bytes):
         yield from ((str(name), "", i) for i, name in enumerate(names))
-    for i, element in enumerate(_items(_inside(item, "transforms"))):
-        if isinstance(name := _inside(element, "child_frame_id"), str):
+    for i, element in enumerate(_items(_value_at(item, "transforms"))):
+        if isinstance(name := _value_at(element, "child_frame_id"), str):
             yield name, f"transforms[{i}]", None
-    if isinstance(name := _inside(item, "child_frame_id"), str):
+    if isinstance(name := _value_at(item, "child_frame_id"), str):
         yield name, "", None
 
 
-def _path(reading: FieldReading, places: Mapping[str, tuple[str, int | None]]) -> str | None:
+def _path_in_message(reading: FieldReading, places: Mapping[str, tuple[str, int | None]]) -> str | None:
+    """Return the path of a reading, in the element of its joint or child frame; None if the message lacks that."""
     if reading.select is None:
         return str(reading)
     if reading.select not in places:
@@ -106,104 +109,119 @@ def _path(reading: FieldReading, places: Mapping[str, tuple[str, int | None]]) -
 
 
 def _items(value: Any) -> list[Any]:
-    return list(value)[:_ELEMENTS] if isinstance(value, Sequence) and not isinstance(value, str | bytes) else []
+    """Return the first elements of a sequence; none of anything else."""
+    if not isinstance(value, Sequence) or isinstance(value, str | bytes):
+        return []
+    return list(value)[:_MAX_ELEMENTS]
 
 
-def _inside(item: Any, path: str | None) -> Any:
-    """What a path leads to in nested objects, or None."""
+def _value_at(item: Any, path: str | None) -> Any:
+    """Return the value at a path in nested objects; None without one."""
     if path is None:
         return None
-    inner, steps = item, _steps(path)
+    inner = item
+    steps = _steps(path)
     if path and not steps:
-        return _by_odd_name(item, path)
+        return _value_by_odd_name(item, path)
     for name in steps:
         try:
             if isinstance(inner, dict):
                 inner = inner[name]
-            elif isinstance(inner, Mapping):  # of protobuf, whose keys may be numbers
+            elif isinstance(inner, Mapping):  # a map of protobuf, whose keys may be numbers
                 inner = inner[{str(key): key for key in inner}[name]]
             elif name.isdigit():
                 inner = inner[int(name)]
             else:
                 inner = getattr(inner, name)
         except (KeyError, IndexError, TypeError, AttributeError):
-            return _by_odd_name(item, path) if isinstance(item, dict) else None
+            return _value_by_odd_name(item, path) if isinstance(item, dict) else None
     return inner
 
 
-def _by_odd_name(item: Any, path: str) -> Any:
-    """What a path leads to where names may have dots or brackets in them, as those of JSON."""
+def _value_by_odd_name(item: Any, path: str) -> Any:
+    """Return the value at a path whose names may have dots or brackets in them, as those of JSON; None without one."""
     if not path:
         return item
     if isinstance(item, list):
         match = re.match(r"\[(\d{1,9})\]\.?(.*)", path, re.DOTALL)
-        return _by_odd_name(item[int(match[1])], match[2]) if match and int(match[1]) < len(item) else None
-    ends = [match.start() for match in islice(re.finditer(r"[.\[]", path), _SEPARATORS)]
-    for end in (len(path), *reversed(ends)) if isinstance(item, dict) else ():
+        if match is None or int(match[1]) >= len(item):
+            return None
+        return _value_by_odd_name(item[int(match[1])], match[2])
+    if not isinstance(item, dict):
+        return None
+    # The name may end at any separator; the longest name that leads to a value counts.
+    ends = [match.start() for match in islice(re.finditer(r"[.\[]", path), _MAX_SEPARATORS)]
+    for end in (len(path), *reversed(ends)):
         if path[:end] in item:
-            found = _by_odd_name(item[path[:end]], path[end:].removeprefix("."))
-            if found is not None:
-                return found
+            value = _value_by_odd_name(item[path[:end]], path[end:].removeprefix("."))
+            if value is not None:
+                return value
     return None
 
 
 @cache
 def _steps(path: str) -> tuple[str, ...]:
+    """Return the names and indices in a path."""
     return tuple(re.findall(r"[^.\[\]]+", path))
 
 
-def _number(value: Any) -> float:
-    if _is_number(value):
+def _finite_number(value: Any) -> float:
+    """Return a number, also one that is written as a text; NaN for anything else."""
+    if _is_number_text(value):
         value = float(value)
-    if not isinstance(value, int | float) or abs(value) > _LARGEST:  # an int may have thousands of digits
+    if not isinstance(value, int | float) or abs(value) > _MAX_NUMBER:  # an integer may have thousands of digits
         return math.nan
     return float(value) if math.isfinite(value) else math.nan
 
 
 def _stamp(item: Any, paths: Sequence[str | None]) -> int | None:
     """Return the stamp [ns] of the element that is read, else that of the message; None without either."""
-    inner = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
-    for path in (*inner, *_STAMPS):
-        stamp = _inside(item, path)
+    element_paths = [path.rpartition("].")[0] + "].header.stamp" for path in paths if path and "]." in path]
+    for path in (*element_paths, *_STAMP_PATHS):
+        stamp = _value_at(item, path)
         if stamp is None:
             continue
-        for seconds, rest in (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs")):
-            whole, part = (int(x) if _is_number(x) and x.isdigit() else x for x in _both(stamp, seconds, rest))
-            if isinstance(whole, int) and isinstance(part, int) and abs(whole) < LATEST and abs(part) < LATEST:
-                return whole * SECOND + part
+        for seconds_name, nanoseconds_name in _STAMP_NAMES:
+            seconds = _whole_number(_value_at(stamp, seconds_name))
+            nanoseconds = _whole_number(_value_at(stamp, nanoseconds_name))
+            if seconds is not None and nanoseconds is not None:
+                return seconds * SECOND + nanoseconds
     return None
 
 
-def _both(stamp: Any, seconds: str, rest: str) -> tuple[Any, Any]:
-    return _inside(stamp, seconds), _inside(stamp, rest)
+def _whole_number(value: Any) -> int | None:
+    """Return a part of a stamp, also one that is written as a text; None for anything else, and beyond the latest."""
+    if _is_number_text(value) and value.isdigit():
+        value = int(value)
+    return value if isinstance(value, int) and abs(value) < LATEST else None
 
 
-def _is_number(value: Any) -> bool:
-    """Return True if a value is a number that was written as a text, as JSON has those of 64 bits; none begins with
-    00."""
-    return isinstance(value, str) and len(value) < _DIGITS and _NUMBER.fullmatch(value) is not None
+def _is_number_text(value: Any) -> bool:
+    """Return True for a number that is written as a text, as JSON has those of 64 bits; not for one such as "007"."""
+    return isinstance(value, str) and len(value) < _MAX_DIGITS and _NUMBER.fullmatch(value) is not None
 
 
-def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], budget: Budget, depth: int = 0) -> None:
+def _list_numbers(item: Any, prefix: str, counts: dict[str, int | None], budget: Budget, depth: int = 0) -> None:
+    """Add the numbers of an object to `counts` by path: None for one, else the elements of an array."""
     budget.charge(ELEMENT + len(prefix))
-    if isinstance(item, int | float) or (_is_number(item) and not prefix.endswith("frame_id")):
-        found[prefix] = None
-    elif isinstance(item, str) or depth > _DEPTH:
+    if isinstance(item, int | float) or (_is_number_text(item) and not prefix.endswith("frame_id")):
+        counts[prefix] = None
+    elif isinstance(item, str) or depth > _MAX_DEPTH:
         return
     elif isinstance(item, bytes | bytearray | memoryview):
-        found[prefix] = len(item)
+        counts[prefix] = len(item)
     elif isinstance(item, Mapping):
         for name, inner in item.items():
-            _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), found, budget, depth + 1)
+            _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), counts, budget, depth + 1)
     elif hasattr(item, "__len__") and hasattr(item, "__getitem__"):
-        if len(item) and all(isinstance(inner, int | float) or _is_number(inner) for inner in item):
-            found[prefix] = len(item)
+        if len(item) and all(isinstance(inner, int | float) or _is_number_text(inner) for inner in item):
+            counts[prefix] = len(item)
         else:
-            for i, inner in enumerate(item[:_ELEMENTS]):
-                _list_numbers(inner, f"{prefix}[{i}]", found, budget, depth + 1)
+            for i, inner in enumerate(item[:_MAX_ELEMENTS]):
+                _list_numbers(inner, f"{prefix}[{i}]", counts, budget, depth + 1)
     else:
         for name in _attributes(item):
-            _list_numbers(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, budget, depth + 1)
+            _list_numbers(getattr(item, name), f"{prefix}.{name}" if prefix else name, counts, budget, depth + 1)
 
 
 def _attributes(item: Any) -> list[str]:
@@ -214,15 +232,15 @@ def _attributes(item: Any) -> list[str]:
     return [name for name in names if not name.startswith("_")]
 
 
-def _list_texts(item: Any, prefix: str, found: dict[str, str], budget: Budget, depth: int = 0) -> None:
-    """Texts of a message by their paths, but for those that only name a frame, joints or elements."""
+def _list_texts(item: Any, prefix: str, texts: dict[str, str], budget: Budget, depth: int = 0) -> None:
+    """Add the texts of an object to `texts` by path, without those that only name a frame, joints or elements."""
     budget.charge(ELEMENT + len(prefix))
     if isinstance(item, str):
-        if not prefix.endswith("frame_id") and not _is_number(item):
-            found[prefix] = item
-    elif isinstance(item, Mapping) and depth <= _DEPTH:
+        if not prefix.endswith("frame_id") and not _is_number_text(item):
+            texts[prefix] = item
+    elif isinstance(item, Mapping) and depth <= _MAX_DEPTH:
         for name, inner in item.items():
-            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), found, budget, depth + 1)
-    elif depth <= _DEPTH and not isinstance(item, int | float | bytes | bytearray | memoryview | list | tuple):
+            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), texts, budget, depth + 1)
+    elif depth <= _MAX_DEPTH and not isinstance(item, int | float | bytes | bytearray | memoryview | list | tuple):
         for name in _attributes(item) if item is not None else ():
-            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, budget, depth + 1)
+            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, texts, budget, depth + 1)

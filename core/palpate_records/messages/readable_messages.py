@@ -1,4 +1,4 @@
-"""The messages of a topic that can be read, and a count of those that cannot."""
+"""The readable messages of a topic, and the number of the others."""
 
 from __future__ import annotations
 
@@ -10,58 +10,64 @@ from palpate import LogError
 from palpate_records.messages.memory_budget import BudgetError
 from palpate_records.messages.topics import Messages
 
-_REFUSALS = 1000  # messages that are left out one by one, each counted once and once more for every 64 bytes
+# Choices.
+_MAX_REFUSALS = 1000  # points of messages that are left out one by one: one each, and one more for some bytes
+_BYTES_PER_REFUSAL = 64
 
 _Read = TypeVar("_Read")
 
 
 class ReadableMessages:
-    """Reads blocks of a topic around single messages that cannot be read.
+    """A reader of blocks of a topic around single unreadable messages.
 
-    Where too many are refused, or one would take too much memory, the rest of the topic is left out with them.
+    After too many of them, or one that would take too much memory, the rest of the topic is left out.
     """
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
-        self.seen = self.left_out = self._refused = 0
-        self.reason = ""  # of the first that was left out
+        self.count = 0
+        self.left_out = 0
+        self._refusals = 0
+        self.reason = ""  # for which the first message was left out
 
     def results(self, messages: Messages, read: Callable[[Messages], _Read]) -> Iterator[tuple[Messages, _Read]]:
-        """What `read` makes of a block, in as few pieces as its damage allows."""
-        self.seen += len(messages)
-        waiting = [messages]
-        while waiting:
-            some = waiting.pop()
+        """Yield the result of `read` for each readable piece of a block, with the piece; as few as damage allows."""
+        self.count += len(messages)
+        pending = [messages]
+        while pending:
+            piece = pending.pop()
             if self.ended:
-                self.left_out += len(some)
+                self.left_out += len(piece)
                 continue
             try:
-                result = read(some)
+                contents = read(piece)
             except LogError as error:
-                if len(some) > 1 and not isinstance(error, BudgetError):
-                    middle = len(some) // 2
-                    waiting += [some[middle:], some[:middle]]
+                # Halves, to find the unreadable messages.
+                if len(piece) > 1 and not isinstance(error, BudgetError):
+                    middle = len(piece) // 2
+                    pending += [piece[middle:], piece[:middle]]
                 else:
-                    self._leave_out(some, error)
+                    self._leave_out(piece, error)
                 continue
-            yield some, result
+            yield piece, contents
 
     def _leave_out(self, messages: Messages, error: LogError) -> None:
+        """Count messages that cannot be read; the reason is that of the first."""
         self.reason = self.reason or str(error).removeprefix(f"topic {self._topic}: ")
         self.left_out += len(messages)
         size = int(messages.lengths.sum())
-        self._refused += _REFUSALS if isinstance(error, BudgetError) else 1 + size // 64
+        self._refusals += _MAX_REFUSALS if isinstance(error, BudgetError) else 1 + size // _BYTES_PER_REFUSAL
 
     @property
     def ended(self) -> bool:
         """True if the rest of the topic is left out."""
-        return self._refused >= _REFUSALS
+        return self._refusals >= _MAX_REFUSALS
 
     @property
     def note(self) -> str:
-        """How many messages were left out, and why; empty where none was."""
+        """A sentence on the number of messages that were left out, and the reason; empty if none was."""
         if not self.left_out:
             return ""
-        if self.left_out == self.seen:
-            return f"no message of it can be read: {self.reason}" if self.seen > 1 else self.reason
-        return f"{self.left_out} of {self.seen} messages were left out: {self.reason}"
+        if self.left_out == self.count:
+            return f"no message of it can be read: {self.reason}" if self.count > 1 else self.reason
+        return f"{self.left_out} of {self.count} messages were left out: {self.reason}"

@@ -1,4 +1,4 @@
-"""What is read from a message: one number for each reading, and a time-stamp."""
+"""Readings of messages: a number for each reading, and a time-stamp."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from palpate import Floats, to_si
 from palpate_records.messages.topics import Messages, Stamps
 
 SECOND = 1_000_000_000  # [ns]
-LATEST = 9e9  # [s]; a time beyond the year 2255 is invalid, and does not fit into nanoseconds
-LARGEST = 1e100  # of a reading in SI
+LATEST = 9e9  # [s]; a time beyond the year 2255 is invalid, and overflows 64 bits of nanoseconds
+LARGEST = 1e100  # reading [SI] that an instrument gives; the square of a larger one may overflow: a choice
 _UNITS = ("m", "m/s", "N", "s", "rad", "m/s^2", "Pa", "N*m", "rad/s", "rad/s^2")
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 
@@ -25,12 +25,12 @@ class FieldReading:
     """One number in a message."""
 
     path: str  # "wrench.force.z", "data"
-    index: int | None = None  # of an element, where the field is an array
-    select: str | None = None  # the joint or child frame that it is a number of, wherever that stands in the message
+    index: int | None = None  # of an element, if the field is an array
+    select: str | None = None  # name of the joint or child frame that it belongs to, at any place in the message
 
     @classmethod
     def parse(cls, text: str, index: int | None = None, select: str | None = None) -> FieldReading:
-        """From ``data[5]``, or from a field and an index."""
+        """Return the reading of a text such as ``data[5]``, or of a field and an index."""
         match = _INDEX.match(text)
         if index is None and match:
             return cls(match[1], int(match[2]), select)
@@ -44,20 +44,20 @@ class FieldReading:
 class TopicTable:
     """Readings of a block of messages."""
 
-    rows: Stamps  # which messages (n,)
-    values: Floats  # (n, k) as recorded; NaN where a message lacks a number
-    stamps: Stamps | None  # (n,) [ns] from the messages themselves; None where they carry none
+    rows: Stamps  # (n,) of the messages in the block
+    values: Floats  # (n, k) as recorded; NaN for a number that a message lacks
+    stamps: Stamps | None  # (n,) [ns] in the messages; None for messages without one
 
 
 class MessageDecoder(Protocol):
-    """Reads the messages of one topic."""
+    """A decoder of the messages of one topic."""
 
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
-        """Paths of the numbers in one message, with the number of elements where one is an array."""
+        """Return the paths of the numbers in one message, with the elements of an array; None for a single number."""
         ...
 
     def texts(self, payload: bytes) -> Mapping[str, str]:
-        """Texts in one message by their paths, but for frames and the names of joints."""
+        """Return the texts in one message by their paths, without names of frames and joints."""
         ...
 
     def names(self, payload: bytes) -> Collection[str]:
@@ -65,30 +65,28 @@ class MessageDecoder(Protocol):
         ...
 
     def read(self, messages: Messages, readings: Sequence[FieldReading]) -> TopicTable:
-        """Return the readings of a block, without the messages that have nothing of what is selected; raises
-        LogError."""
+        """Return the readings of a block, without messages that lack all selections; raises LogError."""
         ...
 
 
 def sensible(values: Floats) -> Floats:
-    """Return the values, with NaN for numbers that no instrument gives, and whose square overflows."""
-    size = np.abs(values)
-    if not size.size or size.max() < LARGEST:  # NaN compares as False
+    """Return the values, with NaN for numbers that no instrument gives, and whose square may overflow."""
+    magnitude = np.abs(values)
+    if not magnitude.size or magnitude.max() < LARGEST:  # not so with NaN
         return values
     with np.errstate(invalid="ignore"):
-        return np.where(size < LARGEST, values, np.nan)
+        return np.where(magnitude < LARGEST, values, np.nan)
 
 
 def nanoseconds(seconds: Floats) -> Stamps:
-    """Whole nanoseconds; whole seconds apart, since the product of both would lose a few hundred of them."""
+    """Return times (n,) [s] in whole nanoseconds; whole seconds are converted exactly, by themselves."""
     whole = np.floor(seconds)
     return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)
 
 
 @cache
-@cache
 def si_unit(unit: str) -> tuple[str, float]:
-    """Return the SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
+    """Return the SI unit of a unit's dimension, and the size of the unit in it; raises ValueError."""
     if unit == "1":
         return "1", 1.0
     for si in _UNITS:

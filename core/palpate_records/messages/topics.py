@@ -1,4 +1,4 @@
-"""What a container gives: its topics, and their messages in blocks."""
+"""The interface of a container of messages: its topics, and their messages in blocks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic, and how its messages are to be read."""
+    """One topic, with the description of its messages."""
 
     name: str
     type: str = ""
@@ -30,9 +30,9 @@ class Messages:
     """Messages of one topic within one buffer."""
 
     buffer: Bytes
-    starts: Stamps  # (n,) where each payload begins
+    starts: Stamps  # (n,) [bytes] of each payload in the buffer
     lengths: Stamps  # (n,) [bytes]
-    logged: Stamps  # (n,) [ns] when the recorder got them
+    logged: Stamps  # (n,) [ns] times of arrival at the recorder
     published: Stamps  # (n,) [ns]
 
     def __len__(self) -> int:
@@ -43,13 +43,13 @@ class Messages:
         return Messages(self.buffer, *(column[rows] for column in columns))
 
     def payload(self, row: int) -> bytes:
-        """One message as bytes."""
+        """Return one message as bytes."""
         start = int(self.starts[row])
         return self.buffer[start : start + int(self.lengths[row])].tobytes()
 
     @classmethod
     def joined(cls, payloads: Sequence[bytes], logged: Stamps, published: Stamps) -> Messages:
-        """Messages that come one by one."""
+        """Return single messages as a block."""
         lengths = np.fromiter(map(len, payloads), np.int64, len(payloads))
         starts = np.cumsum(lengths) - lengths
         return cls(np.frombuffer(b"".join(payloads), np.uint8), starts, lengths, logged, published)
@@ -65,23 +65,23 @@ class Container(Protocol):
 
     @property
     def trouble(self) -> str | None:
-        """What is wrong with the file as a whole, such as a missing end; None where nothing is."""
+        """A sentence on damage to the file as a whole, such as a missing end; None without any."""
         ...
 
     @property
     def span(self) -> tuple[int, int] | None:
-        """First and last log time [ns]; None where no message is."""
+        """First and last log time [ns]; None without messages."""
         ...
 
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
+        """Yield messages of the requested topics in the order of the file, within [begin, end) of log time [ns]."""
         ...
 
 
 def gather(buffer: Bytes, starts: Stamps, width: int) -> Bytes:
-    """(n, width) the bytes from each start on; every start must leave room for them."""
+    """Return the bytes (n, width) from each start on; every start must leave room for them."""
     if not len(starts):
         return np.zeros((0, width), np.uint8)
     # A view of overlapping records: indexing it copies one record for each start, without a loop.
@@ -90,7 +90,7 @@ def gather(buffer: Bytes, starts: Stamps, width: int) -> Bytes:
 
 
 def column(block: Bytes, offset: int, code: str) -> NDArray[Any]:
-    """One column of a block of records (n, width), as a view."""
-    if not len(block):  # numpy makes no view of nothing
+    """Return a column (n,) of a block of records (n, width), as a view, by numpy's code."""
+    if not len(block):  # numpy makes no view of an empty array
         return np.zeros(0, code)
     return np.ndarray((len(block),), code, block, offset, (block.shape[1],))
