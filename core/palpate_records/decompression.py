@@ -1,4 +1,4 @@
-"""Compressed files: opened by what they begin with, and never unpacked beyond what is plausible and fits."""
+"""Compressed files, never unpacked beyond a plausible size, or beyond the free space."""
 
 from __future__ import annotations
 
@@ -9,54 +9,55 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-_BLOCK = 1 << 18  # [bytes]
-_PIECE = 1 << 11  # [bytes] of zstd at once: what 2 KiB can become at most is 64 MiB
-_RATIO = 200  # how much larger than its file a bag may become; real ones: 2 to 20
-_FREE = 1 << 26  # [bytes] that are small enough whatever the ratio
-_SPARE = 1 << 28  # [bytes] of a disk that are left to others
-DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)  # what a damaged .gz raises
+# Choices.
+_BLOCK_SIZE = 1 << 18  # [bytes] that are unpacked at once
+_ZSTD_PIECE_SIZE = 1 << 11  # [bytes] of zstd at once, which become at most 64 MiB
+_MAX_RATIO = 200  # of the size of an unpacked bag to that of its file; real ones have 2 to 20
+_SMALL_SIZE = 1 << 26  # [bytes], permitted whatever the ratio
+_SPARE_SPACE = 1 << 28  # [bytes] of a disk that stay free
+DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)  # errors of a damaged .gz
 
 
 def largest(packed: int) -> int:
-    """What so many packed bytes may become at most [bytes]."""
-    return max(_RATIO * packed, _FREE)
+    """Return the largest plausible size [bytes] of the contents of packed bytes."""
+    return max(_MAX_RATIO * packed, _SMALL_SIZE)
 
 
 class TooLargeError(OSError):
-    """What a compressed file unpacks to is more than is plausible, or than there is room for."""
+    """A compressed file whose contents are larger than is plausible, or than the free space."""
 
 
-def unpack(path: Path, target: Path, kind: str, magic: bytes) -> None:
-    """Unpack a file of a kind (gzip or zstd) whose content begins with `magic`; raises OSError, EOFError."""
+def unpack(path: Path, target: Path, compression: str, magic: bytes) -> None:
+    """Unpack a file of gzip or zstd whose content begins with `magic`; raises OSError, EOFError."""
     limit = largest(path.stat().st_size)
-    free = shutil.disk_usage(target.parent).free - _SPARE
+    free_space = shutil.disk_usage(target.parent).free - _SPARE_SPACE
     written = 0
     with path.open("rb") as packed, target.open("wb") as out:
-        for block in _unpacked(packed, kind):
-            if written < len(magic) and not _fits(block, magic, written):
+        for block in _unpacked_blocks(packed, compression):
+            if written < len(magic) and not _agrees(block, magic[written:]):
                 raise OSError("its compressed content does not begin as it should")
             written += len(block)
             if written > limit:
-                raise TooLargeError(f"it unpacks to more than {_RATIO} times its size, which no log does")
-            if written > free:
+                raise TooLargeError(f"it unpacks to more than {_MAX_RATIO} times its size, which no log does")
+            if written > free_space:
                 raise TooLargeError(
-                    f"it unpacks to more than the {max(free, 0) >> 20} MiB that are free in {target.parent}"
+                    f"it unpacks to more than the {max(free_space, 0) >> 20} MiB that are free in {target.parent}"
                 )
             out.write(block)
 
 
-def _fits(block: bytes, magic: bytes, at: int) -> bool:
-    left = magic[at:]
-    return block[: len(left)] == left[: len(block)]
+def _agrees(block: bytes, magic: bytes) -> bool:
+    """Return True if the shorter of two texts is the begin of the longer one."""
+    return block[: len(magic)] == magic[: len(block)]
 
 
-def _unpacked(packed: IO[bytes], kind: str) -> Iterator[bytes]:
-    """Pieces of what is in it, each of bounded size."""
-    if kind == "gzip":
+def _unpacked_blocks(packed: IO[bytes], compression: str) -> Iterator[bytes]:
+    """Yield the contents in blocks of bounded size; raises EOFError for damage."""
+    if compression == "gzip":
         file = gzip.GzipFile(fileobj=packed)
         while True:
             try:
-                block = file.read(_BLOCK)
+                block = file.read(_BLOCK_SIZE)
             except DAMAGED as error:
                 raise EOFError(f"the compressed file is damaged: {error}") from error
             if not block:
@@ -67,7 +68,7 @@ def _unpacked(packed: IO[bytes], kind: str) -> Iterator[bytes]:
     unpacker = zstandard.ZstdDecompressor().decompressobj()
     try:
         while not unpacker.eof:
-            if not (piece := packed.read(_PIECE)):
+            if not (piece := packed.read(_ZSTD_PIECE_SIZE)):
                 raise EOFError("the compressed file ends too early")
             yield unpacker.decompress(piece)
     except zstandard.ZstdError as error:

@@ -1,4 +1,4 @@
-"""Statistics of the numbers of a topic, gathered a block at a time in memory that does not grow."""
+"""Statistics of the numbers of a topic, block by block in memory that does not grow."""
 
 from __future__ import annotations
 
@@ -10,88 +10,102 @@ from palpate import Floats
 
 from palpate_records.recording import FieldSurvey
 
-_BINS = 64  # means over equal stretches of the record, of which a sparkline is drawn; they double when full
-_MARKS = "▁▂▃▄▅▆▇█"
+# Choices.
+_MIN_BINS = 64  # means over equal stretches of the record for a sparkline; of twice as many, pairs are joined
 _WIDTH = 24  # characters of a sparkline
+_MARKS = "▁▂▃▄▅▆▇█"
+_SECOND_DIFFERENCE_VARIANCE = 6.0  # of white noise of variance 1: 1 + 4 + 1
 
 
 class FieldStatistics:
-    """What has been seen of each field of a topic; every value counts, those that are not finite apart."""
+    """Statistics of each field of a topic; values that are not finite are only counted."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
-        k = len(self.names)
-        self._count, self._odd = np.zeros(k, np.int64), np.zeros(k, np.int64)
-        self._low, self._high = np.full(k, np.inf), np.full(k, -np.inf)
+        count = len(self.names)
+        self._finite_counts = np.zeros(count, np.int64)
+        self._odd_counts = np.zeros(count, np.int64)
+        self._low = np.full(count, np.inf)
+        self._high = np.full(count, -np.inf)
+        # Sums of the values minus the first ones, which keep their digits; of second differences, by which noise is
+        # separated from smooth movement.
         self._shift: Floats | None = None
-        self._sum, self._square = np.zeros(k), np.zeros(k)
-        self._rough, self._steps = np.zeros(k), np.zeros(k, np.int64)
-        self._stretch = 1  # rows of a bin
+        self._sum = np.zeros(count)
+        self._square_sum = np.zeros(count)
+        self._bend_square_sum = np.zeros(count)
+        self._bend_counts = np.zeros(count, np.int64)
+        self._bin_rows = 1
         self._bins: list[Floats] = []
-        self._open, self._filled = np.zeros((2, k)), 0  # sums and counts of the bin that is being filled; its rows
+        self._open_bin = np.zeros((2, count))  # sums and counts of the bin that is being filled
+        self._open_rows = 0  # of that bin
 
     def add(self, values: Floats) -> None:
-        """Take in a block (n, k)."""
-        good = np.isfinite(values)
-        self._odd += (~good).sum(axis=0)
-        self._count += good.sum(axis=0)
-        self._low = np.minimum(self._low, np.where(good, values, np.inf).min(axis=0, initial=np.inf))
-        self._high = np.maximum(self._high, np.where(good, values, -np.inf).max(axis=0, initial=-np.inf))
+        """Add a block (n, k)."""
+        is_finite = np.isfinite(values)
+        self._odd_counts += (~is_finite).sum(axis=0)
+        self._finite_counts += is_finite.sum(axis=0)
+        self._low = np.minimum(self._low, np.where(is_finite, values, np.inf).min(axis=0, initial=np.inf))
+        self._high = np.maximum(self._high, np.where(is_finite, values, -np.inf).max(axis=0, initial=-np.inf))
         if self._shift is None and len(values):
-            self._shift = np.where(good[0], values[0], 0.0)
+            self._shift = np.where(is_finite[0], values[0], 0.0)
         if self._shift is None:
             return
         with np.errstate(over="ignore", invalid="ignore"):
-            near = np.where(good, values - self._shift, 0.0)
-            self._sum += near.sum(axis=0)
-            self._square += (near**2).sum(axis=0)
+            shifted = np.where(is_finite, values - self._shift, 0.0)
+            self._sum += shifted.sum(axis=0)
+            self._square_sum += (shifted**2).sum(axis=0)
             bend = np.diff(values, 2, axis=0)
-            smooth = np.isfinite(bend)
-            self._rough += np.where(smooth, bend, 0.0).__pow__(2).sum(axis=0)
-            self._steps += smooth.sum(axis=0)
-            self._bin(near, good)
+            has_bend = np.isfinite(bend)
+            self._bend_square_sum += np.where(has_bend, bend, 0.0).__pow__(2).sum(axis=0)
+            self._bend_counts += has_bend.sum(axis=0)
+            self._add_to_bins(shifted, is_finite)
 
-    def _bin(self, near: Floats, good: NDArray[np.bool_]) -> None:
-        at = 0
-        while at < len(near):
-            end = min(at + self._stretch - self._filled, len(near))
-            self._open += [near[at:end].sum(axis=0), good[at:end].sum(axis=0)]
-            self._filled += end - at
-            at = end
-            if self._filled == self._stretch:
-                self._close()
+    def _add_to_bins(self, shifted: Floats, is_finite: NDArray[np.bool_]) -> None:
+        """Add rows (n, k) to the bins of the sparkline."""
+        begin = 0
+        while begin < len(shifted):
+            end = min(begin + self._bin_rows - self._open_rows, len(shifted))
+            self._open_bin += [shifted[begin:end].sum(axis=0), is_finite[begin:end].sum(axis=0)]
+            self._open_rows += end - begin
+            begin = end
+            if self._open_rows == self._bin_rows:
+                self._close_bin()
 
-    def _close(self) -> None:
-        self._bins.append(self._open[0] / np.maximum(self._open[1], 1))
-        self._open, self._filled = np.zeros_like(self._open), 0
-        if len(self._bins) == 2 * _BINS:
-            self._bins = [(a + b) / 2 for a, b in zip(self._bins[::2], self._bins[1::2], strict=True)]
-            self._stretch *= 2
+    def _close_bin(self) -> None:
+        """Add the mean of the full bin; of too many bins join pairs."""
+        sums, counts = self._open_bin
+        self._bins.append(sums / np.maximum(counts, 1))
+        self._open_bin = np.zeros_like(self._open_bin)
+        self._open_rows = 0
+        if len(self._bins) == 2 * _MIN_BINS:
+            self._bins = [(mean + other) / 2 for mean, other in zip(self._bins[::2], self._bins[1::2], strict=True)]
+            self._bin_rows *= 2
 
     def surveys(self) -> tuple[FieldSurvey, ...]:
-        """Return each field in numbers."""
-        n = np.maximum(self._count, 1)
+        """Return the statistics of each field that has a finite value."""
+        counts = np.maximum(self._finite_counts, 1)
         with np.errstate(over="ignore", invalid="ignore"):
-            variance = np.maximum(self._square / n - (self._sum / n) ** 2, 0.0)
-            noise = np.sqrt(self._rough / np.maximum(self._steps, 1) / 6.0)
+            variance = np.maximum(self._square_sum / counts - (self._sum / counts) ** 2, 0.0)
+            bend_variance = self._bend_square_sum / np.maximum(self._bend_counts, 1)
+            noise = np.sqrt(bend_variance / _SECOND_DIFFERENCE_VARIANCE)
         course = np.array(self._bins) if self._bins else np.zeros((0, len(self.names)))
         return tuple(
             FieldSurvey(
                 name,
-                float(self._low[k]),
-                float(self._high[k]),
-                float(np.sqrt(variance[k])),
-                float(noise[k]),
-                int(self._odd[k]),
-                sparkline(course[:, k]),
+                low=float(self._low[k]),
+                high=float(self._high[k]),
+                std=float(np.sqrt(variance[k])),
+                noise=float(noise[k]),
+                odd=int(self._odd_counts[k]),
+                course=sparkline(course[:, k]),
             )
             for k, name in enumerate(self.names)
-            if self._count[k]
+            if self._finite_counts[k]
         )
 
 
 def sparkline(values: Floats, width: int = _WIDTH) -> str:
-    """Return the course of a signal in a few characters; flat where it does not move.
+    """Return the course of a signal in a few characters; a flat line if it does not move.
 
     >>> sparkline(np.array([0.0, 1.0, 2.0, 3.0]), 4)
     '▁▃▆█'
@@ -103,5 +117,5 @@ def sparkline(values: Floats, width: int = _WIDTH) -> str:
     span = means.max() - means.min()
     if not (0 < span < np.inf):
         return _MARKS[0] * len(means)
-    places = np.rint((means - means.min()) / span * (len(_MARKS) - 1)).astype(int)
-    return "".join(_MARKS[place] for place in places)
+    levels = np.rint((means - means.min()) / span * (len(_MARKS) - 1)).astype(int)
+    return "".join(_MARKS[level] for level in levels)

@@ -1,4 +1,4 @@
-"""Files that are read as logs: regular ones, with their errors as messages."""
+"""Regular files that are read as logs, with their errors as messages."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from typing import IO
 
 from palpate import LogError
 
+_MAX_SHOWN = 80  # characters of a name in a message: a choice
+
 
 def regular(path: Path) -> Path:
-    """Return the path, if it is a file on a disk; raises LogError: a pipe or a device would be waited for, or have
-    no end."""
+    """Return the path of a file on a disk; raises LogError for others: a pipe or a device may block, or never end."""
     try:
-        there, usual = True, S_ISREG(path.stat().st_mode)
+        mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        there = usual = False
+        raise LogError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:  # a name that is too long, or holds a zero
-        raise LogError(f"{str(path)[:80]!r}: no file can have this name: {error}") from error
-    if not there:
-        raise LogError(f"{path}: no such file")
-    if not usual:
+        raise LogError(f"{str(path)[:_MAX_SHOWN]!r}: no file can have this name: {error}") from error
+    if not S_ISREG(mode):
         raise LogError(f"{path}: is not a regular file")
     return path
 
 
 @contextmanager
 def readable(path: Path) -> Iterator[IO[bytes]]:
-    """The bytes of a file; raises LogError where they cannot be read."""
+    """Open a file for reading of bytes; raises LogError for errors of the system, also while it is read."""
     try:
         with path.open("rb") as file:
             yield file

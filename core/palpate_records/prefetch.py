@@ -1,4 +1,4 @@
-"""Making ahead: a thread reads, unpacks, decodes or simulates while what it has made is worked on."""
+"""Prefetching: a thread reads, unpacks, decodes or simulates items while earlier ones are used."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ T = TypeVar("T")
 
 
 class _PrefetchQueue(Generic[T]):
-    """Items on their way from the thread that makes them to the one that takes them."""
+    """A queue of items from the thread that makes them to the one that uses them."""
 
-    def __init__(self, items: Generator[T], most: int) -> None:
+    def __init__(self, items: Generator[T], max_items: int) -> None:
         self._items = items
-        self._room = threading.Semaphore(most - 1)
+        self._room = threading.Semaphore(max_items - 1)
         self._stopped = False
-        self.found: SimpleQueue[tuple[T] | BaseException | None] = (
-            SimpleQueue()
-        )  # what was raised, or the end, comes last
-        self._thread = threading.Thread(target=self._make, name="ahead", daemon=True)
+        # Each item in a tuple; the last entry is the error that was raised, or None.
+        self.entries: SimpleQueue[tuple[T] | BaseException | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._make_items, name="ahead", daemon=True)
         self._thread.start()
 
-    def _make(self) -> None:
-        last = None
+    def _make_items(self) -> None:
+        """Run the generator, in the thread, and close it."""
+        last_entry = None
         try:
             with closing(self._items):
                 for item in self._items:
-                    self.found.put((item,))
+                    self.entries.put((item,))
                     self._room.acquire()
                     if self._stopped:
                         break
-        except BaseException as error:  # it is raised where the item would have come
-            last = error
-        self.found.put(last)
+        except BaseException as error:  # raised again in the thread that uses the items
+            last_entry = error
+        self.entries.put(last_entry)
 
-    def taken(self) -> None:
-        """Make room for one more."""
+    def make_room(self) -> None:
+        """Let the thread make one more item."""
         self._room.release()
 
     def stop(self) -> None:
-        """Make no more; comes back when the last one is made and everything is closed."""
+        """Stop the thread; return after the item that it makes, and the end of the generator."""
         self._stopped = True
         self._room.release()
         self._thread.join()
 
 
 def ahead(items: Generator[T], most: int) -> Generator[T]:
-    """Yield the items in their order, of which a thread makes at most so many before they are asked for.
+    """Yield the items in their order, at most so many of which a thread makes before they are used.
 
-    What it raises is raised in their place. The generator is run and closed in the thread, and nowhere else.
+    An error is raised in the place of its item. The generator runs and is closed in the thread, and nowhere else.
     """
-    line = _PrefetchQueue(items, most)
+    queue = _PrefetchQueue(items, most)
     try:
-        while (found := line.found.get()) is not None:
-            if isinstance(found, BaseException):
-                raise found
-            yield found[0]
-            line.taken()
+        while (entry := queue.entries.get()) is not None:
+            if isinstance(entry, BaseException):
+                raise entry
+            yield entry[0]
+            queue.make_room()
     finally:
-        line.stop()
+        queue.stop()

@@ -1,4 +1,4 @@
-"""How far a long read is, for whoever asks."""
+"""Progress of a long read."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ Progress = Callable[[int], object]  # called with the number of messages that we
 
 
 def silent(_: int) -> None:
-    """Nobody asks."""
+    """Report no progress."""

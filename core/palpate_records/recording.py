@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Device, LogError
 
-SWEEP_ANALYSIS = "sweep-analysis"  # the template of a record along the skin; its last table takes the speed
+SWEEP_ANALYSIS = "sweep-analysis"  # template of a record along the skin, whose last table has the speed
 ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
 
 
 @dataclass(frozen=True)
 class FieldSurvey:
-    """What one number of the messages of a topic does over the record, as recorded."""
+    """Statistics of one number of the messages of a topic over the record, in its recorded unit."""
 
     name: str
     low: float
     high: float
     std: float
-    noise: float  # of what is left when all that is smooth is taken away
+    noise: float  # standard deviation of white noise on smooth movement
     odd: int = 0  # values that are not finite
     course: str = ""  # its course in a few characters
 
@@ -45,7 +45,7 @@ class TopicSurvey:
     lateness: tuple[float, float] | None = None  # [s] log time minus stamp: median, 99th percentile
     fields: tuple[str, ...] = ()  # numbers that a mapping can name
     numbers: tuple[FieldSurvey, ...] = ()  # statistics of those
-    note: str = ""  # why it cannot be read, or what is odd about it
+    note: str = ""  # on the reason for which it cannot be read, or on irregular stamps
 
 
 @dataclass(frozen=True)
@@ -60,25 +60,27 @@ class Survey:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """Tables of a pipeline that read a log: which topic serves as what, and why."""
+    """Tables of a pipeline that read a log, with the reasons for the roles of its numbers."""
 
     device: Mapping[str, Any]
     alignment: Mapping[str, Any]
     reasons: tuple[str, ...]
-    doubts: tuple[str, ...] = ()  # what is a guess, and what else it could be
-    blanks: tuple[str, ...] = ()  # what no file can say, and a person must fill in
-    hints: tuple[str, ...] = ()  # what else was found, such as a delay
+    doubts: tuple[str, ...] = ()  # guesses, with their alternatives
+    blanks: tuple[str, ...] = ()  # facts in no file, which a person must fill in
+    hints: tuple[str, ...] = ()  # other findings, such as a delay
     views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
-    template: str = "log-analysis"  # of tip, model and estimators that go with it
+    template: str = "log-analysis"  # of tip, model and estimators
     sweep_speed: float | None = None  # [m/s] of the tip along the skin, NaN without a time; None of a point
-    assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
-    guesses: Mapping[str, str] = field(default_factory=dict)  # keys of the device that are guesses, and what is said
-    rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by role: all that can be it, one is a guess
+    assumed: tuple[str, ...] = ASSUMED  # keys that nothing states
+    guesses: Mapping[str, str] = field(default_factory=dict)  # by key of the device: the sentence on its guess
+    rivals: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # by uncertain role: the columns that can have it
     has_time: bool = False  # in the log, so that a rate is of no use
     facts: tuple[tuple[int, str, str], ...] = ()  # line, name and value of what a log states of the experiment
 
     def rival_words(self, role: str) -> str:
-        """Return which columns can be a role, of which only a person knows the right one."""
+        """Return a sentence on the columns that can have a role, among which a person must choose."""
         columns = self.rivals[role]
         if len(columns) == 1:
             return f"no name or unit states which column is the {role}; by its numbers it can be {columns[0]}"
@@ -87,7 +89,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class LogAttachments:
-    """What a log carries besides its messages: texts, never code."""
+    """Documents and facts in a log besides its messages: texts, never code."""
 
     documents: Mapping[str, str] = field(default_factory=dict)  # by name: the pipeline as run and as given
     facts: Mapping[str, str] = field(default_factory=dict)  # versions, seed, hashes
@@ -98,16 +100,15 @@ class SystemSurvey(Protocol):
 
     @property
     def name(self) -> str:
-        """As in messages."""
+        """The name of the system in messages."""
         ...
 
     def survey(self) -> Survey:
-        """What is published for a while."""
+        """Return a survey of the messages that are published during a while."""
         ...
 
     def suggest(self, choices: Mapping[str, str]) -> Suggestion:
-        """Return a device that reads what is published; raises LogError where nothing in it can be force or
-        position."""
+        """Return a device that reads the published topics; raises LogError if no number can be force or position."""
         ...
 
 
@@ -117,7 +118,7 @@ class SupportsSurvey(Protocol):
 
     @classmethod
     def system_at(cls, address: str) -> SystemSurvey | None:
-        """Return the system at an address; None where it is not one of this kind. Raises ConfigurationError."""
+        """Return the system at an address; None for an address of another kind. Raises ConfigurationError."""
         ...
 
 
@@ -137,20 +138,20 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def survey(cls, path: Path) -> Survey:
-        """Contents of a log; raises LogError where it cannot be read."""
+        """Return the contents of a log; raises LogError if it cannot be read."""
 
     @classmethod
     @abstractmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
-        """Which of a log's numbers are force, position and velocity.
+        """Return a suggestion with the roles of a log's numbers: force, position and velocity.
 
-        `choices` settles a role by ``topic`` or ``topic:field``. Raises LogError where a role has no candidate, or
-        several: with their names.
+        `choices` states a role by ``topic`` or ``topic:field``. Raises LogError, with names, for a role without a
+        candidate, or with several.
         """
 
     @classmethod
     def records(cls, path: Path, choices: Mapping[str, str]) -> tuple[str, ...]:
-        """Names of the records of a log that holds several by themselves; none where it is one. Raises LogError."""
+        """Return the names of the records of a log that holds several; none for a log that is one. Raises LogError."""
         return ()
 
     @classmethod
@@ -161,30 +162,29 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded.
+        """Yield every topic that contains numbers, in blocks: its name, the names of its columns, the recorded numbers.
 
-        What is left out, and why, is added to the notes.
+        Sentences on the parts that are left out are added to the notes.
         """
 
     @classmethod
     def attached(cls, path: Path) -> LogAttachments:
-        """Return the texts that a log carries; none where the format, or this log, has none. Raises LogError."""
+        """Return the documents and facts in a log; none if the format, or this log, has none. Raises LogError."""
         return LogAttachments()
 
     @classmethod
     def playback(cls, path: Path, device: str) -> dict[str, Any]:
-        """Return the table of a device that plays back what the device of that name has recorded in a log."""
+        """Return the table of a device that plays back the record of the device of that name in a log."""
         raise LogError(f"{path}: a log of this format cannot replace the devices of a pipeline")
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
-        """Return every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n
-        rows."""
+        """Yield every topic that contains texts, in blocks: its name, names of the texts, stamps (n,) [ns], n rows."""
         return iter(())
 
     @classmethod
     def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
-        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words.
+        """Write the whole messages of a damaged log into a new one; return a sentence on these and on the loss.
 
         Documents of the run that the log has lost come from those `beside` it, by name.
         """

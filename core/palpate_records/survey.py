@@ -1,4 +1,4 @@
-"""A survey of a log: what its topics contain, how regular they are, and their delay."""
+"""A survey of a log: the contents of its topics, their regularity, and their delay."""
 
 from __future__ import annotations
 
@@ -19,107 +19,127 @@ from palpate_records.messages.topics import Container, Messages, Stamps, Topic
 from palpate_records.progress import Progress, silent
 from palpate_records.recording import Survey, TopicSurvey
 
-_PAUSE = 10.0  # usual intervals that make a gap
-_KEPT = 200_000  # intervals of a topic that are held at once
-_SHOWN = 40  # fields of one topic
-_LOOKED = 200  # messages of a block in which frames are looked for
+# Choices.
+_GAP_INTERVALS = 10.0  # usual intervals that make a gap
+_MAX_HELD = 200_000  # intervals of a topic that are held at once
+_MAX_SHOWN = 40  # fields of one topic, and frames
+_PROBE_MESSAGES = 200  # of a block, in which frames are searched
+_MIN_STAMPS = 10  # beyond which equal stamps are a finding
 
 
 class SampleOfRow:
-    """Some of the values of a long row, evenly: all of them as long as they are few."""
+    """An even sample of the values of a long row: all values of a short one."""
 
     def __init__(self) -> None:
-        self._kept: list[Floats] = []
-        self._held, self._every, self._phase = 0, 1, 0
+        self._parts: list[Floats] = []
+        self._count = 0  # values of the parts
+        self._stride = 1  # of the values that are held
+        self._offset = 0  # of the next value to hold, in the next block
 
     def add(self, values: Floats) -> bool:
-        """Take in values; whether every other one had to go."""
-        some = values[self._phase :: self._every].copy()  # a view would hold all of them
-        self._phase = (self._phase - len(values)) % self._every
-        self._kept.append(some)
-        self._held += len(some)
-        if self._held <= _KEPT:
+        """Add values; return True if every other value was dropped."""
+        part = values[self._offset :: self._stride].copy()  # a view would hold all values
+        self._offset = (self._offset - len(values)) % self._stride
+        self._parts.append(part)
+        self._count += len(part)
+        if self._count <= _MAX_HELD:
             return False
-        self._kept = [np.concatenate(self._kept)[::2]]
-        self._held, self._every = len(self._kept[0]), 2 * self._every
-        self._phase = 0
+        self._parts = [np.concatenate(self._parts)[::2]]
+        self._count = len(self._parts[0])
+        self._stride *= 2
+        self._offset = 0
         return True
 
     @property
     def values(self) -> Floats:
-        """What was kept."""
-        return np.concatenate(self._kept) if self._kept else np.zeros(0)
+        """The values that are held."""
+        return np.concatenate(self._parts) if self._parts else np.zeros(0)
 
 
-class _TopicCounts:
-    """What has been seen of one topic, in memory that does not grow."""
+class _TopicStatistics:
+    """Statistics of one topic, in memory that does not grow."""
 
     def __init__(self, topic: Topic, decoder: MessageDecoder | None, note: str = "") -> None:
-        self.topic, self.decoder, self.note = topic, decoder, note
+        self.topic = topic
+        self.decoder = decoder
+        self.note = note
         self.fields: dict[str, int | None] = {}
         self._count = 0
-        self._first, self._last = 0, 0
-        self._steps, self._late = SampleOfRow(), SampleOfRow()
-        self._pauses, self._usual = 0, 0.0  # counted by the usual step, once not all steps are kept
-        self._longest = 0.0
-        self._stamps: tuple[int, int] | None = None  # the least and the greatest
+        self._first = 0  # [ns] log time
+        self._last = 0
+        self._intervals = SampleOfRow()  # [s]
+        self._lateness = SampleOfRow()  # [s]
+        self._gaps = 0  # counted by the usual interval, once not all intervals are held
+        self._usual_interval = 0.0  # [s]; 0 as long as all are held
+        self._longest = 0.0  # [s]
+        self._stamps: tuple[int, int] | None = None  # [ns] the first and the last
         self._readable = ReadableMessages(topic.name)
-        self._gathered: FieldStatistics | None = None
+        self._statistics: FieldStatistics | None = None
         self._frames: set[str] = set()
 
     def add(self, messages: Messages) -> None:
-        self._time(np.sort(messages.logged))
+        """Add a block of messages."""
+        self._add_times(np.sort(messages.logged))
         if self.decoder is None:
             return
-        for some, (gathered, table) in self._readable.results(messages, partial(self._read, self.decoder)):
-            gathered.add(table.values)
+        for piece, (statistics, table) in self._readable.results(messages, partial(self._read, self.decoder)):
+            statistics.add(table.values)
             if table.stamps is not None and len(table.stamps):
-                low, high = int(table.stamps.min()), int(table.stamps.max())
-                known = self._stamps or (low, high)
-                self._stamps = min(low, known[0]), max(high, known[1])
-                self._late.add((some.logged[table.rows] - table.stamps) / SECOND)
+                first, last = int(table.stamps.min()), int(table.stamps.max())
+                first_before, last_before = self._stamps or (first, last)
+                self._stamps = min(first, first_before), max(last, last_before)
+                self._lateness.add((piece.logged[table.rows] - table.stamps) / SECOND)
 
     def _read(self, decoder: MessageDecoder, messages: Messages) -> tuple[FieldStatistics, TopicTable]:
-        if self._gathered is None:
+        """Return the statistics of the topic and the numbers of messages; raises LogError."""
+        if self._statistics is None:
             self.fields = dict(decoder.fields(messages.payload(0)))
-            self._gathered = FieldStatistics(list(islice(columns_of(self.fields), _SHOWN)))
-        if len(self._frames) < _SHOWN and short_name(self.topic.type) == "tf2_msgs/TFMessage":
-            rows = range(min(len(messages), _LOOKED))
-            self._frames.update(name for row in rows for name in decoder.names(messages.payload(row)))
-        names = self._gathered.names
-        return self._gathered, decoder.read(messages, [FieldReading.parse(name) for name in names])
+            self._statistics = FieldStatistics(list(islice(columns_of(self.fields), _MAX_SHOWN)))
+        if len(self._frames) < _MAX_SHOWN and short_name(self.topic.type) == "tf2_msgs/TFMessage":
+            for row in range(min(len(messages), _PROBE_MESSAGES)):
+                self._frames.update(decoder.names(messages.payload(row)))
+        names = self._statistics.names
+        return self._statistics, decoder.read(messages, [FieldReading.parse(name) for name in names])
 
-    def _time(self, logged: Stamps) -> None:
-        before = [self._last] if self._count else []
+    def _add_times(self, logged: Stamps) -> None:
+        """Add log times (n,) [ns] in their order; of a block that begins before the last one, magnitudes count."""
+        last_before = [self._last] if self._count else []
         self._first = min(self._first, int(logged[0])) if self._count else int(logged[0])
-        steps = np.abs(np.diff(np.concatenate([np.array(before, np.int64), logged]))).astype(np.float64) / SECOND
+        times = np.concatenate([np.array(last_before, np.int64), logged])
+        intervals = np.abs(np.diff(times)).astype(np.float64) / SECOND
         self._last = max(int(logged[-1]), self._last) if self._count else int(logged[-1])
         self._count += len(logged)
-        if not len(steps):
+        if not len(intervals):
             return
-        self._longest = max(self._longest, float(steps.max()))
-        if self._usual:
-            self._pauses += int(np.count_nonzero(steps > _PAUSE * self._usual))
-        held = self._steps.values if not self._usual else None
-        if self._steps.add(steps) and held is not None:
-            every = np.concatenate([held, steps])
-            self._usual = float(np.median(every))
-            self._pauses = int(np.count_nonzero(every > _PAUSE * self._usual)) if self._usual else 0
+        self._longest = max(self._longest, float(intervals.max()))
+        if self._usual_interval:
+            self._gaps += int(np.count_nonzero(intervals > _GAP_INTERVALS * self._usual_interval))
+        held = None if self._usual_interval else self._intervals.values
+        # When intervals are dropped for the first time, gaps are counted among all so far.
+        if self._intervals.add(intervals) and held is not None:
+            all_intervals = np.concatenate([held, intervals])
+            self._usual_interval = float(np.median(all_intervals))
+            self._gaps = _count_gaps(all_intervals, self._usual_interval)
 
     @property
     def _frames_note(self) -> str:
-        """The child frames of transforms, which its numbers are of in turn; empty for other topics."""
+        """A sentence on the child frames of transforms, whose numbers alternate; empty for other topics."""
         names = printable(", ".join(sorted(self._frames)))
         return f"its transforms are of {names}: select = NAME chooses one" if self._frames else ""
 
     def survey(self) -> TopicSurvey:
-        """Return all of it in numbers."""
+        """Return the statistics."""
         names = tuple(path if count is None else f"{path}[{count}]" for path, count in self.fields.items())
-        still = self._stamps is not None and self._count > 10 and self._stamps[0] == self._stamps[1]
-        steps, late = self._steps.values, self._late.values
-        usual = float(np.median(steps)) if len(steps) else 0.0
-        low, middle, high = (float(p) for p in np.percentile(steps, (1, 50, 99))) if len(steps) else (0.0, 0.0, 0.0)
-        pauses = self._pauses if self._usual else int(np.count_nonzero(steps > _PAUSE * usual)) if usual else 0
+        stands_still = self._stamps is not None and self._count > _MIN_STAMPS and self._stamps[0] == self._stamps[1]
+        note = self.note or self._readable.note or self._frames_note
+        intervals = self._intervals.values
+        lateness = self._lateness.values
+        percentiles, gaps = None, self._gaps
+        if len(intervals):
+            low, median, high = (float(x) for x in np.percentile(intervals, (1, 50, 99)))
+            percentiles = (low, median, high)
+            if not self._usual_interval:
+                gaps = _count_gaps(intervals, float(np.median(intervals)))
         return TopicSurvey(
             name=self.topic.name,
             type=self.topic.type,
@@ -127,37 +147,42 @@ class _TopicCounts:
             messages=self._count,
             first=self._first,
             last=self._last,
-            interval=(low, middle, high) if len(steps) else None,
-            gaps=pauses,
+            interval=percentiles,
+            gaps=gaps,
             longest=self._longest,
-            lateness=(float(np.median(late)), float(np.percentile(late, 99))) if len(late) else None,
-            fields=names[:_SHOWN],
-            numbers=self._gathered.surveys() if self._gathered else (),
-            note="its stamps do not move" if still else self.note or self._readable.note or self._frames_note,
+            lateness=(float(np.median(lateness)), float(np.percentile(lateness, 99))) if len(lateness) else None,
+            fields=names[:_MAX_SHOWN],
+            numbers=self._statistics.surveys() if self._statistics else (),
+            note="its stamps do not move" if stands_still else note,
         )
 
 
-def survey_of(container: Container, path: Path, kind: str, progress: Progress = silent) -> Survey:
+def _count_gaps(intervals: Floats, usual_interval: float) -> int:
+    """Return the number of gaps among intervals (n,) [s]; 0 if the usual one is 0."""
+    return int(np.count_nonzero(intervals > _GAP_INTERVALS * usual_interval)) if usual_interval else 0
+
+
+def survey_of(container: Container, path: Path, log_format: str, progress: Progress = silent) -> Survey:
     """Read a log once and list its contents; topics that cannot be decoded are listed with the reason."""
-    seen: dict[str, _TopicCounts] = {}
+    statistics: dict[str, _TopicStatistics] = {}
     count = 0
     for name, topic in container.topics.items():
         try:
-            seen[name] = _TopicCounts(topic, decoder_of(topic))
+            statistics[name] = _TopicStatistics(topic, decoder_of(topic))
         except LogError as error:
-            seen[name] = _TopicCounts(topic, None, str(error))
-    for name, messages in container.blocks(set(seen)):
-        seen[name].add(messages)
+            statistics[name] = _TopicStatistics(topic, None, str(error))
+    for name, messages in container.blocks(set(statistics)):
+        statistics[name].add(messages)
         count += len(messages)
         progress(count)
-    topics = tuple(entry.survey() for _, entry in sorted(seen.items()))
-    return Survey(path, kind, topics, tuple(note for note in (container.trouble,) if note))
+    topics = tuple(topic_statistics.survey() for _, topic_statistics in sorted(statistics.items()))
+    return Survey(path, log_format, topics, tuple(note for note in (container.trouble,) if note))
 
 
-def columns_of(fields: Mapping[str, int | None], most: int = _SHOWN) -> Iterator[str]:
-    """Yield every number of a message by its own name, array elements counted from 0, at most so many of each array."""
+def columns_of(fields: Mapping[str, int | None], max_elements: int = _MAX_SHOWN) -> Iterator[str]:
+    """Yield the name of every number of a message; of an array only the first elements, counted from 0."""
     for path, count in fields.items():
         if count is None:
             yield path
         else:
-            yield from (f"{path}[{i}]" for i in range(min(count, most)))
+            yield from (f"{path}[{i}]" for i in range(min(count, max_elements)))

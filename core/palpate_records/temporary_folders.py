@@ -1,4 +1,4 @@
-"""Temporary folders that outlive no killed process for long: making the next one removes those whose owner is gone."""
+"""Temporary folders, of which the next one removes those of killed processes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pathlib import Path
 from typing import IO
 
 _PREFIX = "palpate-"
-_LOCK = "in-use"
+_LOCK = "in-use"  # file in each folder, locked by its process
 
 
 @contextmanager
 def scratch(beside: Path | None = None) -> Iterator[Path]:
-    """A folder for intermediate files, in that folder or among the system's temporary files; raises OSError.
+    """Make a folder for intermediate files, in a folder or among the system's temporary files; raises OSError.
 
-    Its owner holds a lock, which the system takes back when the process ends, however it ends.
+    Its process holds a lock, which the system releases when the process ends in any way.
     """
     root = Path(tempfile.gettempdir()) if beside is None else beside
     prefix = _PREFIX if beside is None else f".{_PREFIX}"
-    _remove_left(root, prefix)
-    folder, lock = _locked(root, prefix)
+    _remove_abandoned(root, prefix)
+    folder, lock = _make_locked(root, prefix)
     try:
         with lock:
             yield folder
@@ -32,8 +32,8 @@ def scratch(beside: Path | None = None) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _locked(root: Path, prefix: str) -> tuple[Path, IO[bytes]]:
-    """Return a new folder with its lock held: another process may remove it as long as it is not."""
+def _make_locked(root: Path, prefix: str) -> tuple[Path, IO[bytes]]:
+    """Return a new folder with its lock held; one that another process removed before that is replaced."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=prefix, dir=root))
         lock = (folder / _LOCK).open("wb")
@@ -43,10 +43,10 @@ def _locked(root: Path, prefix: str) -> tuple[Path, IO[bytes]]:
         lock.close()
 
 
-def _remove_left(root: Path, prefix: str) -> None:
-    """Remove our folders whose lock is free; those without a lock are not known to be ours."""
+def _remove_abandoned(root: Path, prefix: str) -> None:
+    """Remove folders of this user whose lock is free; a folder without a lock may be another program's."""
     for lock in root.glob(f"{prefix}*/{_LOCK}"):
-        with suppress(OSError):  # another's, or gone
+        with suppress(OSError):  # of a process that runs, or removed by now
             if lock.stat().st_uid != os.getuid() or lock.is_symlink():
                 continue
             with lock.open("rb") as file:

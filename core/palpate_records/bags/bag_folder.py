@@ -17,24 +17,30 @@ from palpate_records.mcap.mcap_file import McapFile
 from palpate_records.messages.topic_kinds import named_by_kind
 from palpate_records.messages.topics import Container, Messages, Topic
 
-_METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
-_NAMES = 1 << 20  # characters of a list of files
-_NAMED = 5  # parts
-_BESIDE = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # what may lie next to the files of a bag
-_SETTINGS = "pipeline.toml"  # in the folder of a run, whose log is all of it that is read
-_PAUSE = 1_000_000_000  # [ns] between the parts of one recording, at most
+_METADATA = "metadata.yaml"
+_SETTINGS = "pipeline.toml"  # in the folder of a run, of which only the log is read
+_OTHER_ENDINGS = ("-wal", "-shm", "-journal", ".toml", ".yaml", ".md")  # of files next to those of a bag
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
+# Choices.
+_MAX_METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
+_MAX_LIST = 1 << 20  # characters of a list of files
+_MAX_SHOWN_PARTS = 5  # in a message
+_MAX_SHOWN = 200  # characters of a list of files in a message
+_MAX_PAUSE = 1_000_000_000  # [ns] between the parts of one recording
+_MAX_DIGITS = 18  # of the number of a part
 
 
 class Bag:
-    """The files of a bag, one after another."""
+    """The files of a bag as one container."""
 
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
         self.files = bag_files(path)
-        self._packed = path.is_dir() and _setting(path / "metadata.yaml", "compression_mode").lower() == "message"
+        self._has_packed_messages = (
+            path.is_dir() and _setting(path / _METADATA, "compression_mode").lower() == "message"
+        )
         self._parts: list[Container] = [
-            McapFile(file, accept_cut) if file.name.endswith(".mcap") else SqliteBag(file, self._packed)
+            McapFile(file, accept_cut) if file.name.endswith(".mcap") else SqliteBag(file, self._has_packed_messages)
             for file in self.files
         ]
 
@@ -45,166 +51,196 @@ class Bag:
 
     @property
     def trouble(self) -> str | None:
-        """What is wrong with any of the files."""
+        """A sentence on missing parts and on damage to any of the files; None without any."""
         troubles = [part.trouble for part in self._parts]
-        lost = _lost(self.files) if self.path.is_dir() and not _listed(self.path / "metadata.yaml") else None
-        return "; ".join(text for text in (lost, *troubles) if text) or None
+        has_list = not self.path.is_dir() or bool(_listed_files(self.path / _METADATA))
+        missing_parts = None if has_list else _missing_parts(self.files)
+        return "; ".join(text for text in (missing_parts, *troubles) if text) or None
 
     @property
     def topics(self) -> Mapping[str, Topic]:
         """The topics of all files."""
-        found: dict[str, Topic] = {}
+        topics: dict[str, Topic] = {}
         for topic in self._topics.values():
-            found.setdefault(topic.name, topic)
-        return found
+            topics.setdefault(topic.name, topic)
+        return topics
 
     @cached_property
     def _topics(self) -> Mapping[tuple[int, str], Topic]:
-        """Those of each file, by its number and the name there."""
+        """The topics of each file, by its index and their names in it."""
         parts = enumerate(self._parts)
         return named_by_kind({(i, name): topic for i, part in parts for name, topic in part.topics.items()})
 
     @property
     def span(self) -> tuple[int, int] | None:
         """First and last log time [ns] of all files."""
-        spans = [part.span for part in self._parts]
-        known = [span for span in spans if span is not None]
-        return (min(span[0] for span in known), max(span[1] for span in known)) if known else None
+        spans = [span for part in self._parts if (span := part.span) is not None]
+        return (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
 
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Messages of the requested topics, file after file."""
+        """Yield messages of the `wanted` topics, file after file."""
         for i, part in enumerate(self._parts):
             names = {name: self._topics[i, name].name for name in part.topics}
-            present = {name for name in names if names[name] in wanted}
-            for name, messages in part.blocks(present, begin, end) if present else ():
-                packed = self._packed and isinstance(part, McapFile)
-                yield from ((names[name], some) for some in (self._unpacked(messages) if packed else (messages,)))
+            present_names = {name for name in names if names[name] in wanted}
+            if not present_names:
+                continue
+            for name, messages in part.blocks(present_names, begin, end):
+                if self._has_packed_messages and isinstance(part, McapFile):
+                    for piece in self._unpack(messages):
+                        yield names[name], piece
+                else:
+                    yield names[name], messages
 
-    def _unpacked(self, messages: Messages) -> Iterator[Messages]:
-        """Messages that were compressed one by one, a few at a time."""
+    def _unpack(self, messages: Messages) -> Iterator[Messages]:
+        """Yield messages that were compressed one by one, a few at a time; raises LogError."""
         rows = [(0, row, messages.payload(row)) for row in range(len(messages))]
         try:
-            for some in unpacked_rows(rows):
-                kept = np.array([row for _, row, _ in some])
-                yield Messages.joined([raw for _, _, raw in some], messages.logged[kept], messages.published[kept])
+            for unpacked in unpacked_rows(rows):
+                indices = np.array([row for _, row, _ in unpacked])
+                payloads = [payload for _, _, payload in unpacked]
+                yield Messages.joined(payloads, messages.logged[indices], messages.published[indices])
         except sqlite3.DatabaseError as error:
             raise LogError(f"{self.path}: {error}") from error
 
 
 def bag_files(path: Path) -> list[Path]:
-    """Return the files of a bag in their order: as ``metadata.yaml`` lists them, else by name."""
-    if not _is(Path.is_dir, path):
+    """Return the files of a bag in their order: as ``metadata.yaml`` lists them, else by name; raises LogError."""
+    if not _holds(Path.is_dir, path):
         return [regular(path)]
-    listed = _listed(path / "metadata.yaml")
-    present = [path / Path(name).name for name in listed]
-    missing = [file.name for file in present if not _is(Path.is_file, file)]
-    if missing:
-        named = printable(", ".join(missing))
+    listed_files = [path / Path(name).name for name in _listed_files(path / _METADATA)]
+    missing_names = [file.name for file in listed_files if not _holds(Path.is_file, file)]
+    if missing_names:
+        names = printable(", ".join(missing_names))
+        names = names if len(names) < _MAX_SHOWN else f"{names[:_MAX_SHOWN]} ..."
+        verb = "is" if len(missing_names) == 1 else "are"
         raise LogError(
-            f"{path}: metadata.yaml lists {named if len(named) < 200 else named[:200] + ' ...'}, which "
-            f"{'is' if len(missing) == 1 else 'are'} not there; without metadata.yaml the other files are read"
+            f"{path}: metadata.yaml lists {names}, which {verb} not there; without metadata.yaml the other files are "
+            "read"
         )
-    if present:
-        return present
-    found = [file for file in path.iterdir() if file.name.lower().endswith(SUFFIXES)]
-    if not found:
+    if listed_files:
+        return listed_files
+    files = [file for file in path.iterdir() if file.name.lower().endswith(SUFFIXES)]
+    if not files:
         raise LogError(f"{path}: no bag: there is neither a metadata.yaml that lists files nor a .db3 or .mcap file")
-    return sorted(found, key=_number)
+    return sorted(files, key=_stem_and_number)
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a folder is one bag: it has metadata, or nothing but one file, or numbered parts of one set of topics.
+    """Return True if a folder is one bag: it has metadata, or a single file, or numbered parts of one set of topics.
 
-    Each part begins where the one before it ends; numbered logs that are records by themselves do not. Of the folder
-    of a run its log counts alone.
+    Each part begins where the one before it ends; numbered logs that are records by themselves do not. In the folder
+    of a run only logs count.
     """
-    if not _is(Path.is_dir, path):
+    if not _holds(Path.is_dir, path):
         return False
-    if (path / "metadata.yaml").is_file():
+    if (path / _METADATA).is_file():
         return True
-    files = [file for file in path.iterdir() if not file.name.startswith(".") and not file.name.endswith(_BESIDE)]
+    files = [
+        file for file in path.iterdir() if not file.name.startswith(".") and not file.name.endswith(_OTHER_ENDINGS)
+    ]
     if (path / _SETTINGS).is_file():
         files = [file for file in files if file.name.lower().endswith(SUFFIXES)]
     if not files or not all(file.name.lower().endswith(SUFFIXES) and file.is_file() for file in files):
         return False
-    return len(files) == 1 or (len({_number(file)[0] for file in files}) == 1 and _go_on(sorted(files, key=_number)))
+    if len(files) == 1:
+        return True
+    stems = {_stem_and_number(file)[0] for file in files}
+    return len(stems) == 1 and _are_successive(sorted(files, key=_stem_and_number))
 
 
-def _go_on(files: Sequence[Path]) -> bool:
-    """Return True if files with consecutive numbers have the same topics, and go on where the one before ends."""
+def _are_successive(files: Sequence[Path]) -> bool:
+    """Return True if files with consecutive numbers have the same topics, and each begins where the one before ends."""
     try:
         bags = [Bag(file, accept_cut=True) for file in files]
         topics = [{(topic.name, topic.type) for topic in bag.topics.values()} for bag in bags]
         spans = [bag.span for bag in bags]
     except LogError:
         return False
-    pairs = [k for k in range(1, len(files)) if _number(files[k])[1] == _number(files[k - 1])[1] + 1]
-    return bool(pairs) and all(topics[k] == topics[k - 1] and _follows(spans[k], spans[k - 1]) for k in pairs)
+    numbers = [_stem_and_number(file)[1] for file in files]
+    successors = [k for k in range(1, len(files)) if numbers[k] == numbers[k - 1] + 1]
+    if not successors:
+        return False
+    return all(topics[k] == topics[k - 1] and _follows(spans[k], spans[k - 1]) for k in successors)
 
 
-def _follows(span: tuple[int, int] | None, before: tuple[int, int] | None) -> bool:
-    return span is not None and before is not None and before[0] < span[0] and span[0] - before[1] < _PAUSE
+def _follows(span: tuple[int, int] | None, span_before: tuple[int, int] | None) -> bool:
+    """Return True if a span [ns] begins after another began, and soon after that ends."""
+    if span is None or span_before is None:
+        return False
+    return span_before[0] < span[0] and span[0] - span_before[1] < _MAX_PAUSE
 
 
-def _lost(files: Sequence[Path]) -> str | None:
-    """Return the parts that are missing between those of a bag without metadata, in words; None where none is."""
-    if len({_number(file)[0] for file in files}) > 1:
+def _missing_parts(files: Sequence[Path]) -> str | None:
+    """Return a sentence on the numbers that are missing between those of the files; None without gaps."""
+    if len({_stem_and_number(file)[0] for file in files}) > 1:
         return None
-    gaps = (range(_number(one)[1] + 1, _number(other)[1]) for one, other in pairwise(files))
-    first = list(islice(chain.from_iterable(gaps), _NAMED + 1))
-    named = ", ".join(map(str, first[:_NAMED])) + (", ..." if len(first) > _NAMED else "")
-    parts = f"part{'s' if len(first) > 1 else ''} {named} of {printable(_number(files[0])[0])}"
-    return f"{parts} not there" if first else None
+    numbers = [_stem_and_number(file)[1] for file in files]
+    gaps = (range(number + 1, next_number) for number, next_number in pairwise(numbers))
+    missing = list(islice(chain.from_iterable(gaps), _MAX_SHOWN_PARTS + 1))
+    if not missing:
+        return None
+    names = ", ".join(map(str, missing[:_MAX_SHOWN_PARTS])) + (", ..." if len(missing) > _MAX_SHOWN_PARTS else "")
+    noun = "part" if len(missing) == 1 else "parts"
+    return f"{noun} {names} of {printable(_stem_and_number(files[0])[0])} not there"
 
 
-def _is(kind: Callable[[Path], bool], path: Path) -> bool:
+def _holds(condition: Callable[[Path], bool], path: Path) -> bool:
+    """Return True if a condition holds for a path; False for a name that no file can have."""
     try:
-        return kind(path)
-    except (OSError, ValueError):  # a name that no file can have
+        return condition(path)
+    except (OSError, ValueError):
         return False
 
 
-def _number(file: Path) -> tuple[str, int]:
-    """Split files are numbered: bag_2 comes before bag_10."""
+def _stem_and_number(file: Path) -> tuple[str, int]:
+    """Return the name and the number of a part, by which bag_2 comes before bag_10; 0 without a number."""
     stem = file.name.split(".db3")[0].split(".mcap")[0]
     name = stem.rstrip("0123456789")
-    digits = stem[len(name) :][-18:]
+    digits = stem[len(name) :][-_MAX_DIGITS:]
     return name.removesuffix("_"), int(digits or 0)
 
 
 def _lines(metadata: Path) -> list[str]:
-    """Return a bag's metadata; none where missing, as after a crash: its files suffice."""
+    """Return the lines of a bag's metadata; none if it is missing, as after a crash: the files suffice."""
     try:
         with metadata.open("rb") as file:
-            return file.read(_METADATA).decode().splitlines()
+            return file.read(_MAX_METADATA).decode().splitlines()
     except (OSError, UnicodeDecodeError):
         return []
 
 
-def _listed(metadata: Path) -> list[str]:
-    """``relative_file_paths``, whose two spellings of a list are all the YAML that is needed here."""
-    words = (line.strip() for line in _lines(metadata))
-    names: list[str] = []
-    for line in words:
-        if not line.startswith("relative_file_paths:"):
-            continue
-        inline = line.partition(":")[2].strip()
-        if inline.startswith("["):
-            text = inline
-            while "]" not in text and (more := next(words, None)) is not None:
-                text = f"{text} {more}" if len(text) < _NAMES else f"{text}]"
-            names = text[1:].partition("]")[0].split(",")
-        else:
-            for item in words:
-                if item and not item.startswith("-"):
-                    break
-                names += [item[1:]] if item else []
-        break
-    return [name.strip().strip("\"'") for name in names if name.strip()]
+def _listed_files(metadata: Path) -> list[str]:
+    """Return ``relative_file_paths``, a list in either of its two spellings; no more of YAML is needed."""
+    lines = (line.strip() for line in _lines(metadata))
+    for line in lines:
+        if line.startswith("relative_file_paths:"):
+            inline_text = line.partition(":")[2].strip()
+            names = _inline_items(inline_text, lines) if inline_text.startswith("[") else _block_items(lines)
+            return [name.strip().strip("\"'") for name in names if name.strip()]
+    return []
+
+
+def _inline_items(text: str, lines: Iterator[str]) -> list[str]:
+    """Return the items of a list "[a, b]" that begins with a text and may go on in further lines."""
+    while "]" not in text and (line := next(lines, None)) is not None:
+        text = f"{text} {line}" if len(text) < _MAX_LIST else f"{text}]"
+    return text[1:].partition("]")[0].split(",")
+
+
+def _block_items(lines: Iterator[str]) -> list[str]:
+    """Return the items of a list whose lines begin with "-"."""
+    items = []
+    for line in lines:
+        if line and not line.startswith("-"):
+            break
+        if line:
+            items.append(line[1:])
+    return items
 
 
 def _setting(metadata: Path, key: str) -> str:
-    found = (line.partition(":")[2] for line in _lines(metadata) if line.strip().startswith(f"{key}:"))
-    return next(found, "").strip().strip("\"'")
+    """Return the value of a key; "" without one."""
+    values = (line.partition(":")[2] for line in _lines(metadata) if line.strip().startswith(f"{key}:"))
+    return next(values, "").strip().strip("\"'")

@@ -1,7 +1,7 @@
 """The ends of tables, from the pages of a damaged SQLite database.
 
 Format: https://www.sqlite.org/fileformat2.html, section 1.6. A page of a table's tree is a leaf, with rows, or points
-to others, each with the largest number of a row that is found there; behind the last such number there is one more.
+to others, each with the largest number of a row in it; behind the last such number there is one more pointer.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
-_POINTERS, _LEAF = 5, 13  # kinds of pages
-_FIRST = 100  # [bytes] of the first page that are the file's own
-_DEEPEST = 20
+_POINTER_PAGE, _LEAF_PAGE = 5, 13  # kinds of pages
+_FILE_HEAD = 100  # [bytes] at the begin of the first page
+_PAGE_HEAD = 12  # [bytes] of a page of pointers
+_POINTER_SIZE = 4  # [bytes], before the number of a row
+_MAX_DEPTH = 20  # of a tree: a choice
 
 
 def last_reachable(database: sqlite3.Connection, file: Path, table: str, number: str) -> int | None:
-    """The number beyond which no row of a table can be read, for the page that they are on is damaged; None if unknown.
+    """Return the number beyond which the rows of a table are on a damaged page; None if unknown.
 
-    `number` is the column that shall be the rows' own number: an INTEGER PRIMARY KEY. Raises sqlite3.Error.
+    `number` is a column that must be the number of the row: an INTEGER PRIMARY KEY. Raises sqlite3.Error.
     """
     (size,) = database.execute("PRAGMA page_size").fetchone()
     (root,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = ?", (table,)).fetchone()
@@ -27,29 +29,32 @@ def last_reachable(database: sqlite3.Connection, file: Path, table: str, number:
     if keys != [(number, "INTEGER")]:
         return None
     with file.open("rb") as pages:
-        return _last(pages, size, root)
+        return _last_number(pages, size, root)
 
 
-def _last(pages: BinaryIO, size: int, page: int) -> int | None:
-    """Follow the last pointers down from a page; numbers that are damaged need not be in order."""
+def _last_number(file: BinaryIO, size: int, page: int) -> int | None:
+    """Return the largest row number on the way down the last pointers from a page; damaged ones may have any order."""
     largest = None
-    for _ in range(_DEEPEST):
-        pages.seek((page - 1) * size)
-        data, start = pages.read(size), _FIRST if page == 1 else 0
-        kind = data[start : start + 1]
-        if kind != bytes([_POINTERS]):
-            return None if kind == bytes([_LEAF]) else largest
-        count, page = struct.unpack_from(">3xH3xI", data, start)
+    for _ in range(_MAX_DEPTH):
+        file.seek((page - 1) * size)
+        data = file.read(size)
+        begin = _FILE_HEAD if page == 1 else 0
+        page_kind = data[begin : begin + 1]
+        if page_kind == bytes([_LEAF_PAGE]):
+            return None
+        if page_kind != bytes([_POINTER_PAGE]):
+            return largest
+        count, page = struct.unpack_from(">3xH3xI", data, begin)
         if not 0 < count <= size // 2 or page < 1:
             return None
-        cells = struct.unpack_from(f">{count}H", data, start + 12)
-        numbers = [_number(data[cell + 4 : cell + 13]) for cell in cells]
+        cells = struct.unpack_from(f">{count}H", data, begin + _PAGE_HEAD)
+        numbers = [_row_number(data[cell + _POINTER_SIZE : cell + _POINTER_SIZE + 9]) for cell in cells]
         largest = max(number for number in (largest, *numbers) if number is not None)
     return None
 
 
-def _number(data: bytes) -> int:
-    """Return a number of 1 to 9 bytes, of which each but the ninth flags whether another follows."""
+def _row_number(data: bytes) -> int:
+    """Return a number of 1 to 9 bytes, the highest bit of each of which, but the ninth, states that another follows."""
     value = 0
     for byte in data[:8]:
         value = value << 7 | byte & 0x7F
