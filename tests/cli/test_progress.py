@@ -10,7 +10,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 @pytest.fixture
 def soon(monkeypatch):
     """Lines every millisecond, in place of every 10 s."""
-    monkeypatch.setattr(module, "_EVERY", 1e-3)
+    monkeypatch.setattr(module, "_LINE_INTERVAL", 1e-3)
 
 
 def told(capsys, wanted):

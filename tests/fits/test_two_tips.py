@@ -128,7 +128,7 @@ def test_repeats_do_not_shrink_what_they_share():
         usable_number=lambda name: {"elasticity": 5.0}.get(name),
         number={"elasticity_combined": 0.5, "deepest": 1e-3}.get,
     )
-    one = shared._setup("sphere 1 mm", [row] * 4, ["elasticity", "viscosity"])
+    one = shared._mean_setup("sphere 1 mm", [row] * 4, ["elasticity", "viscosity"])
     assert one.values == {"elasticity": (5.0, 0.5)}  # a viscosity that needs a fact is not compared
     assert one.words == "sphere 1 mm, 1 mm deep, 4 curves"
 

@@ -134,7 +134,7 @@ def test_what_log_export_writes_is_read_again(tmp_path, palpate, suffix):
 @pytest.fixture
 def small_room(monkeypatch):
     """Files may unpack to 200 times their size, without the 64 MiB that are small enough whatever the ratio."""
-    monkeypatch.setattr(decompression, "_FREE", 0)
+    monkeypatch.setattr(decompression, "_SMALL_SIZE", 0)
 
 
 @pytest.mark.usefixtures("small_room")

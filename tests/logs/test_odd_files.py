@@ -128,7 +128,7 @@ def test_a_folder_that_another_process_removed_before_it_was_locked_is_made_agai
     def late(file, how):
         if how == fcntl.LOCK_EX and left:
             left.clear()
-            scratch_folders._remove_left(tmp_path, "palpate-")  # as another process would, in between
+            scratch_folders._remove_abandoned(tmp_path, "palpate-")  # as another process would, in between
             assert list(tmp_path.iterdir()) == []
         lock(file, how)
 

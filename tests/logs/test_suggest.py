@@ -13,7 +13,7 @@ from palpate_kit.logs.role_evidence import contact_law, derivative, force_sign, 
 from palpate_logs.csv_replay import CsvReplay
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_records.field_statistics import FieldStatistics, sparkline
-from palpate_records.survey import _KEPT, SampleOfRow
+from palpate_records.survey import _MAX_HELD, SampleOfRow
 from palpate_records.tables.csv_sheet import Sheet
 
 from tests.records.bags import array_message, press, write_bag
@@ -258,7 +258,7 @@ def test_what_is_kept_of_a_long_row_does_not_grow():
     steps = np.arange(1_000_000, dtype=float)
     for part in np.array_split(steps, 37):
         sampled.add(part)
-    assert len(sampled.values) <= _KEPT
+    assert len(sampled.values) <= _MAX_HELD
     assert np.median(sampled.values) == pytest.approx(500_000, rel=0.01)
     assert np.percentile(sampled.values, 99) == pytest.approx(990_000, rel=0.01)
 
@@ -271,7 +271,7 @@ def test_what_is_kept_of_a_long_row_holds_nothing_else():
         sampled.add(np.arange(100_000, dtype=float))
     held, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert held < 8 * _KEPT + 1_000_000
+    assert held < 8 * _MAX_HELD + 1_000_000
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ def raster_run(root, tmp_path_factory):
     ],
 )
 def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, tmp_path, monkeypatch, command, said):
-    monkeypatch.setattr("palpate_kit.terminal.progress._EVERY", 1e-3)
+    monkeypatch.setattr("palpate_kit.terminal.progress._LINE_INTERVAL", 1e-3)
     done = palpate(*command.split(), shutil.copytree(raster_run, tmp_path / "run"))
     assert done.returncode == 0, done.stderr
     assert said in done.stderr

@@ -23,7 +23,7 @@ _SLOT = 16  # [bytes] of memory of each field of a type, whether a message has i
 
 
 @dataclass(frozen=True)
-class _MessageType:
+class _MessageCost:
     """The memory that messages of a type take."""
 
     cost: int  # [bytes] of an empty one
@@ -48,9 +48,9 @@ def bounded_parser(message: Any) -> Callable[[bytes], Any]:
     return parse_bounded
 
 
-def _types_within(descriptor: Any) -> dict[str, _MessageType]:
+def _types_within(descriptor: Any) -> dict[str, _MessageCost]:
     """Return the type of a descriptor, and those of all messages that it contains, by name."""
-    types: dict[str, _MessageType] = {}
+    types: dict[str, _MessageCost] = {}
     pending = [descriptor]
     while pending:
         current = pending.pop()
@@ -63,12 +63,12 @@ def _types_within(descriptor: Any) -> dict[str, _MessageType]:
             if field.number not in messages
         }
         names = {number: message_type.full_name for number, message_type in messages.items()}
-        types[current.full_name] = _MessageType(VALUE + _SLOT * len(current.fields), names, factors)
+        types[current.full_name] = _MessageCost(VALUE + _SLOT * len(current.fields), names, factors)
         pending += messages.values()
     return types
 
 
-def _charge_message(types: Mapping[str, _MessageType], name: str, data: memoryview, budget: Budget, depth: int) -> None:
+def _charge_message(types: Mapping[str, _MessageCost], name: str, data: memoryview, budget: Budget, depth: int) -> None:
     """Charge a message and all messages in it to a budget; damage is left to the parser. Raises LogError."""
     if depth > _MAX_DEPTH:
         raise LogError(f"its messages are nested more than {_MAX_DEPTH} deep")
