@@ -69,6 +69,7 @@ def _opened(path: Path) -> int:
 
 
 def _description(program: int) -> dict[str, Any]:
+    """Return what a lock states of its owner: process, command, folder and time."""
     return {
         "program": program,
         "process": os.getpid(),
@@ -87,6 +88,7 @@ def _folder(program: int) -> str:
 
 
 def _command(program: int) -> str:
+    """Return the command line of a process, shortened; that of this process if it cannot be read."""
     try:
         command = Path(f"/proc/{program}/cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
     except OSError:

@@ -113,6 +113,7 @@ class _SensorLink:
         return self._clock.to_host(integers(rows, self._row.at(_SENSOR)) * tick, arrivals), arrivals
 
     def _count(self, rows: Floats) -> None:
+        """Count readings, unusable ones, and those with each status bit."""
         self._counts["readings"] += len(rows)
         first = rows[:, self._row[self._process.streams[0].name]]
         self._counts["unusable"] += int(np.count_nonzero(~np.isfinite(first).all(axis=1)))

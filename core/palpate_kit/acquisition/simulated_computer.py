@@ -44,6 +44,7 @@ class SimulatedProcess:
         self._thread.start()
 
     def _run(self) -> None:
+        """Run the module as a process does, with its exit code; close its connections at the end."""
         code = 1
         try:
             importlib.import_module(self._module).main(self._arguments)

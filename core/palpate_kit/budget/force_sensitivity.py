@@ -84,6 +84,7 @@ class Along:
 
     @cached_property
     def _influence(self) -> Callable[[Floats], Floats] | None:
+        """The function from an error of the force to the shifts of parameters and surface; None if indistinct."""
         free = self.free
         by_error = influence(self.jacobian[:, free])
         if by_error is None or free.all():

@@ -71,6 +71,7 @@ class Stage:
                 self._get_input(files, f"{root}/inputs/{digest}", Path(text), digest)
 
     def _get_input(self, files: Any, source: str, path: Path, digest: str) -> None:
+        """Copy an input file and verify its digest; a file that is there must be the same. Raises OutputError."""
         if path.exists():
             if _digest(path) != digest:
                 raise OutputError(f"{path}: this worker has another file of that name")
@@ -162,6 +163,7 @@ def input_files(pipeline: Pipeline) -> Iterator[Path]:
 
 
 def _paths(value: Any) -> Iterator[Path]:
+    """Yield the paths in settings, tables and lists."""
     if isinstance(value, Path):
         yield value
     elif isinstance(value, BaseModel):

@@ -67,6 +67,7 @@ class ArmModel(Settings):
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:
+        """Raise ValueError unless each joint has its link, limits and speed."""
         count = len(self.joints)
         if any(len(numbers) != count for numbers in (self.links, self.low, self.high, self.speed)):
             raise ValueError("links, low, high and speed have one entry for each joint")

@@ -51,6 +51,7 @@ class Kinematics(Settings):
 
     @model_validator(mode="after")
     def _one_robot(self) -> Self:
+        """Raise ValueError unless there is one robot, a known one or one of joints with different names."""
         if (self.robot is None) == (not self.joints):
             raise ValueError('give either robot = "ur3e" or joints')
         if self.joints and self.prefix:

@@ -84,6 +84,7 @@ def normal_by_differences(residual: Callable[[Floats], Floats], high: Floats) ->
     """Return the normal equations of a residual (n,) of unknowns (p,) of size 1, by differences below `high` (p,)."""
 
     def normal(x: Floats) -> Floats:
+        """Return [r, J]^T [r, J] with forward differences, backward ones at the upper bound."""
         base = residual(x)
         columns = np.empty((1 + len(x), len(base)))
         columns[0] = base

@@ -131,6 +131,7 @@ def _arm_starts(count: int) -> Callable[[float, Floats], list[list[float]]]:
     """Return a function that spreads arms evenly over the decades of the data, and over those of their inner half."""
 
     def starts(level: float, times: Floats) -> list[list[float]]:
+        """Return starts by a level and times (n,) [s]: a lasting part, then strength and time of each arm."""
         candidates = []
         low, high = math.log(float(times.min())), math.log(float(times.max()))
         for share in _EDGES:

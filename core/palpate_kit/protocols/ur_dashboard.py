@@ -57,6 +57,7 @@ def _check_rtde(link: socket.socket, host: str) -> dict[str, str]:
 
 
 def _dashboard_answers(link: socket.socket) -> dict[str, str]:
+    """Return the facts that the controller states on an open connection."""
     lines = link.makefile("rw", encoding="utf-8", newline="\n")
     lines.readline()
 

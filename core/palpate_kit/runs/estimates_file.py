@@ -114,6 +114,7 @@ class _Aside:
             self._waiting.append(self._thread.submit(self._append, numbers))
 
     def _append(self, numbers: Floats) -> None:
+        """Append rows to the table, in the thread; none after a failure: they would be misread without those before."""
         if self._failed:  # rows after those that are missing would be misread
             return
         try:

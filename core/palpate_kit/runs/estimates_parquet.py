@@ -72,6 +72,7 @@ class EstimatesStream:
             self._hand_over()
 
     def _hand_over(self) -> None:
+        """Write the waiting rows as one batch, each column in its type."""
         pyarrow = _pyarrow()
         self._written = monotonic()
         if not self._rows:

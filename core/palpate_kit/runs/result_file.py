@@ -104,6 +104,7 @@ def usable_value(track: Mapping[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _document(path: Path) -> dict[str, Any]:
+    """Return the document in a file; raises LogError if it is not a result."""
     try:
         document = json_document(bounded_text(path))
     except OSError as error:

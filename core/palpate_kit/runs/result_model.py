@@ -70,6 +70,7 @@ def problems(document: Mapping[str, Any], model: type[Document]) -> list[str]:
 
 
 def _problem(detail: ErrorDetails) -> str:
+    """Return a sentence on a key of the wrong type, or a missing one."""
     key, error_type = ".".join(map(str, detail["loc"])), detail["type"]
     if error_type == "missing":
         return f"{key} is missing"

@@ -227,6 +227,7 @@ class RunFolder:
 
 
 def _read(path: Path) -> EstimatesTable:
+    """Return the table of a file of estimates, without a last line that is cut; raises LogError."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             names = next(csv.reader(file), [])

@@ -37,6 +37,7 @@ class MappedSignal(Settings):
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
+        """Raise ValueError for a unit, scale or direction without a meaning, and for contradicting keys."""
         si_unit(self.unit)
         if not (np.isfinite(self.scale) and self.scale != 0.0):
             raise ValueError("scale must be a finite number other than 0")
