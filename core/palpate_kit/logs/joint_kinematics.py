@@ -76,7 +76,10 @@ class Kinematics(Settings):
         """The streams of the tip and of its velocity."""
         frame = "base" if self.work is None else "work"
         pose, twist = (tuple(Channel(*channel) for channel in channels) for channels in (_POSE, _TWIST))
-        return Stream("tip", pose, None, "pose", "log", frame), Stream("twist", twist, None, "twist", "log", frame)
+        return (
+            Stream("tip", pose, None, layout="pose", clock="log", frame=frame),
+            Stream("twist", twist, None, layout="twist", clock="log", frame=frame),
+        )
 
     def pose(self, angles: Floats) -> Floats:
         """Return position [m] and quaternion x, y, z, w of the tip (n, 7) at joint angles (n, k) [rad]."""

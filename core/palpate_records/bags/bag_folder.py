@@ -137,17 +137,24 @@ def is_bag(path: Path) -> bool:
         return False
     if (path / _METADATA).is_file():
         return True
-    files = [
-        file for file in path.iterdir() if not file.name.startswith(".") and not file.name.endswith(_OTHER_ENDINGS)
-    ]
-    if (path / _SETTINGS).is_file():
-        files = [file for file in files if file.name.lower().endswith(SUFFIXES)]
+    files = _relevant_files(path)
     if not files or not all(file.name.lower().endswith(SUFFIXES) and file.is_file() for file in files):
         return False
     if len(files) == 1:
         return True
     stems = {_stem_and_number(file)[0] for file in files}
     return len(stems) == 1 and _are_successive(sorted(files, key=_stem_and_number))
+
+
+def _relevant_files(folder: Path) -> list[Path]:
+    """Return the files of a folder without hidden ones and those that may lie next to a bag; of a run only its log."""
+    files = []
+    for file in folder.iterdir():
+        if not file.name.startswith(".") and not file.name.endswith(_OTHER_ENDINGS):
+            files.append(file)
+    if (folder / _SETTINGS).is_file():
+        return [file for file in files if file.name.lower().endswith(SUFFIXES)]
+    return files
 
 
 def _are_successive(files: Sequence[Path]) -> bool:

@@ -58,10 +58,7 @@ class Definitions:
         # Channels first, since they refer to schemas.
         missing_channels = {channel for channel in counts if channel not in self.channels}
         self._define_missing(records.CHANNEL, missing_channels, spare)
-        missing_schemas = set()
-        for channel, schema in self._schema_numbers.items():
-            if channel in counts and schema and schema not in self.schemas:
-                missing_schemas.add(schema)
+        missing_schemas = self._missing_schemas(counts)
         self._define_missing(records.SCHEMA, missing_schemas, spare)
         # A topic that was defined before its schema gets that now.
         for channel, schema in self._schema_numbers.items():
@@ -73,6 +70,14 @@ class Definitions:
         doubtful_channels = missing_channels & self.channels.keys()
         doubtful_channels |= {channel for channel, schema in self._schema_numbers.items() if schema in doubtful_schemas}
         return sorted(self.channels[channel].name for channel in doubtful_channels if channel in counts)
+
+    def _missing_schemas(self, counts: Mapping[int, int]) -> set[int]:
+        """Return the numbers of schemas that messages need, by the `counts` of their channels, and that are lost."""
+        missing = set()
+        for channel, schema in self._schema_numbers.items():
+            if channel in counts and schema and schema not in self.schemas:
+                missing.add(schema)
+        return missing
 
     def _define_missing(self, kind: int, missing: set[int], spare: list[tuple[int, bytes]]) -> None:
         """Add the missing schemas or channels among records of damaged chunks."""

@@ -130,10 +130,8 @@ def _element(place: FieldPlace, index: int | None) -> tuple[int, str]:
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
     """Return the layout of one message; raises LogError if it is not a message of its type."""
-    if len(message) < _ENCAPSULATION_SIZE or message[0] != 0:
-        raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR")
-    if message[1] not in _PLAIN and message[1] not in _LISTS:
-        raise LogError(f"a message of {type_name} is in CDR of the kind {message[1]}, which is not read (0 to 3 are)")
+    _check_encapsulation(type_name, message)
+    # Wide characters have one of two sizes, and mostly only one of them fills the message.
     layouts: list[MessageLayout] = []
     first_error: LogError | None = None
     order = "<" if message[1] % 2 else ">"
@@ -150,6 +148,14 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
     if len(layouts) > 1 and layouts[0].places != layouts[1].places:
         raise LogError(f"a message of {type_name} has wide strings that could be of 2 or of 4 bytes a character")
     return layouts[0]
+
+
+def _check_encapsulation(type_name: str, message: bytes) -> None:
+    """Raise LogError for a message that does not begin as CDR of a kind that is read."""
+    if len(message) < _ENCAPSULATION_SIZE or message[0] != 0:
+        raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR")
+    if message[1] not in _PLAIN and message[1] not in _LISTS:
+        raise LogError(f"a message of {type_name} is in CDR of the kind {message[1]}, which is not read (0 to 3 are)")
 
 
 def walk_ros1(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:

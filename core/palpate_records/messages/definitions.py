@@ -69,10 +69,8 @@ def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
         raise LogError(f"the definition of {name} has {len(text)} characters; more than {TEXT_LIMIT} is damage")
     standard_types = {key: STANDARD_TYPES[key] for key in _BUILT_IN} if ros1 else STANDARD_TYPES
     root = short_name(name)
-    if not text.strip() and root in standard_types:
-        text = standard_types[root]
-    elif not text.strip() and root != "std_msgs/Empty":
-        raise LogError(f"the log does not define {name or 'the type'}, and it is not a standard type")
+    if not text.strip():
+        text = _standard_text(name, standard_types)
     if not ros1 and is_idl(text):
         types = parse_idl(name, text)
         if root not in types:
@@ -83,6 +81,14 @@ def parse_definitions(name: str, text: str, ros1: bool = False) -> Definitions:
     if ros1:
         return {key: tuple(map(_with_signed_byte, fields)) for key, fields in types.items()}
     return types
+
+
+def _standard_text(name: str, standard_types: Mapping[str, str]) -> str:
+    """Return the definition of a type that a log does not define; raises LogError for one that is not standard."""
+    root = short_name(name)
+    if root not in standard_types and root != "std_msgs/Empty":
+        raise LogError(f"the log does not define {name or 'the type'}, and it is not a standard type")
+    return standard_types.get(root, "")
 
 
 def _parse_sections(name: str, text: str) -> dict[str, tuple[Field, ...]]:

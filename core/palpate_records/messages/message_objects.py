@@ -19,6 +19,7 @@ from palpate_records.messages.topics import Messages, Stamps, Topic
 
 _MAX_ELEMENTS = 1000  # of an array that are listed: a choice
 _MAX_SEPARATORS = 64  # in a path, at which a name with dots or brackets may end: a choice
+_WITHOUT_TEXTS = (int, float, bytes, bytearray, memoryview, list, tuple)  # types whose elements are not listed as texts
 _MAX_DEPTH = 16  # of objects within objects: a choice
 _MAX_NUMBER = 1.7e308  # nearly the largest double
 _MAX_DIGITS = 40  # characters of a number that is written as a text: a choice
@@ -208,20 +209,36 @@ def _list_numbers(item: Any, prefix: str, counts: dict[str, int | None], budget:
         counts[prefix] = None
     elif isinstance(item, str) or depth > _MAX_DEPTH:
         return
-    elif isinstance(item, bytes | bytearray | memoryview):
+    elif isinstance(item, bytes | bytearray | memoryview) or _is_number_array(item):
         counts[prefix] = len(item)
-    elif isinstance(item, Mapping):
-        for name, inner in item.items():
-            _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), counts, budget, depth + 1)
-    elif hasattr(item, "__len__") and hasattr(item, "__getitem__"):
-        if len(item) and all(isinstance(inner, int | float) or _is_number_text(inner) for inner in item):
-            counts[prefix] = len(item)
-        else:
-            for i, inner in enumerate(item[:_MAX_ELEMENTS]):
-                _list_numbers(inner, f"{prefix}[{i}]", counts, budget, depth + 1)
+    elif _is_array(item):
+        for i, element in enumerate(item[:_MAX_ELEMENTS]):
+            _list_numbers(element, f"{prefix}[{i}]", counts, budget, depth + 1)
+    else:
+        for path, member in _members(item, prefix):
+            _list_numbers(member, path, counts, budget, depth + 1)
+
+
+def _is_array(item: Any) -> bool:
+    """Return True for an object with elements that is not a map."""
+    return not isinstance(item, Mapping) and hasattr(item, "__len__") and hasattr(item, "__getitem__")
+
+
+def _is_number_array(item: Any) -> bool:
+    """Return True for an array of numbers alone, and at least one."""
+    if not _is_array(item) or not len(item):
+        return False
+    return all(isinstance(element, int | float) or _is_number_text(element) for element in item)
+
+
+def _members(item: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield path and value of each entry of a map, or of each field of a message."""
+    if isinstance(item, Mapping):
+        for key, value in item.items():
+            yield (f"{prefix}.{key}" if prefix else str(key)), value
     else:
         for name in _attributes(item):
-            _list_numbers(getattr(item, name), f"{prefix}.{name}" if prefix else name, counts, budget, depth + 1)
+            yield (f"{prefix}.{name}" if prefix else name), getattr(item, name)
 
 
 def _attributes(item: Any) -> list[str]:
@@ -238,9 +255,6 @@ def _list_texts(item: Any, prefix: str, texts: dict[str, str], budget: Budget, d
     if isinstance(item, str):
         if not prefix.endswith("frame_id") and not _is_number_text(item):
             texts[prefix] = item
-    elif isinstance(item, Mapping) and depth <= _MAX_DEPTH:
-        for name, inner in item.items():
-            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), texts, budget, depth + 1)
-    elif depth <= _MAX_DEPTH and not isinstance(item, int | float | bytes | bytearray | memoryview | list | tuple):
-        for name in _attributes(item) if item is not None else ():
-            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, texts, budget, depth + 1)
+    elif depth <= _MAX_DEPTH and not isinstance(item, _WITHOUT_TEXTS):
+        for path, member in _members(item, prefix):
+            _list_texts(member, path, texts, budget, depth + 1)

@@ -53,14 +53,18 @@ def records_side_by_side(sheet: Sheet) -> list[TableRecord]:
     for label in labels:
         own_columns = [column for column, (other, _) in enumerate(labels_and_names) if other == label]
         roles = Counter(column_role(sheet, column) for column in own_columns)
-        if any(roles[role] != 1 for role in PRESS_ROLES):
-            continue
-        cells = tuple(sorted([*shared_columns, *own_columns]))
-        names = tuple(labels_and_names[column][1] for column in cells)
-        if len({*names}) < len(names):
-            names = tuple(map(str, cells))
-        records.append(TableRecord(label[:MAX_RECORD_NAME], cells=cells, names=names))
+        if all(roles[role] == 1 for role in PRESS_ROLES):
+            columns = tuple(sorted([*shared_columns, *own_columns]))
+            records.append(_record_of_columns(label, columns, [name for _, name in labels_and_names]))
     return records if len(records) > 1 else []
+
+
+def _record_of_columns(label: str, columns: tuple[int, ...], all_names: Sequence[str]) -> TableRecord:
+    """Return a record of some columns of a table; their names, or their numbers if two names are the same."""
+    names = tuple(all_names[column] for column in columns)
+    if len({*names}) < len(names):
+        names = tuple(map(str, columns))
+    return TableRecord(label[:MAX_RECORD_NAME], cells=columns, names=names)
 
 
 def _is_other_label(label: str) -> bool:
