@@ -54,6 +54,7 @@ class FieldStatistics:
             shifted = np.where(is_finite, values - self._shift, 0.0)
             self._sum += shifted.sum(axis=0)
             self._square_sum += (shifted**2).sum(axis=0)
+            # Second differences of smooth movement are small, and those of noise are not.
             bend = np.diff(values, 2, axis=0)
             has_bend = np.isfinite(bend)
             self._bend_square_sum += np.where(has_bend, bend, 0.0).__pow__(2).sum(axis=0)
@@ -86,6 +87,7 @@ class FieldStatistics:
         counts = np.maximum(self._finite_counts, 1)
         with np.errstate(over="ignore", invalid="ignore"):
             variance = np.maximum(self._square_sum / counts - (self._sum / counts) ** 2, 0.0)
+            # White noise of standard deviation s has second differences of sqrt(6) s.
             bend_variance = self._bend_square_sum / np.maximum(self._bend_counts, 1)
             noise = np.sqrt(bend_variance / _SECOND_DIFFERENCE_VARIANCE)
         course = np.array(self._bins) if self._bins else np.zeros((0, len(self.names)))

@@ -134,6 +134,7 @@ class _TopicStatistics:
         note = self.note or self._readable.note or self._frames_note
         intervals = self._intervals.values
         lateness = self._lateness.values
+        # As long as all intervals are held, gaps are counted here, by the usual interval of the whole record.
         percentiles, gaps = None, self._gaps
         if len(intervals):
             low, median, high = (float(x) for x in np.percentile(intervals, (1, 50, 99)))

@@ -99,6 +99,7 @@ def logs_among(sources: Sequence[Path], registry: Registry) -> list[Path]:
             raise ConfigurationError(f"{source}: no such file or folder")
         if source.is_dir():
             fit_folders = {settings.parent for settings in source.rglob(SETTINGS)}
+            # Folders of fits within the sources hold no logs, and lists name curves.
             for path in log_paths(source, lambda path: _holds_records(path, registry)):
                 if not fit_folders & {*path.parents} and not is_list(path):
                     logs.append(path)

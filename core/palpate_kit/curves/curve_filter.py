@@ -117,6 +117,7 @@ def _number_test(term: str, name: str, sign: str, value: str, folder: FitFolder)
         raise ConfigurationError(f"--where {term!r}: no number {name!r}{suggest(name, numbers)}")
     unit = _NUMBERS.get(key, folder.units.get(key, ""))
     try:
+        # A number without a unit is in the unit that is shown.
         limit = float(value) / display_unit(unit)[1]
     except ValueError:
         try:

@@ -88,6 +88,7 @@ def record_tracks(reader: CurveReader, assignments: tuple[str, ...] = (), at_len
     for assignment in reader.overrides:
         source.override(assignment)
     try:
+        # The assignments of a curve come last; an error in them names their files.
         for assignment in assignments:
             source.override(assignment)
         with inherited_approval(reader.approved):

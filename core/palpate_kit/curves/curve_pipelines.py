@@ -23,6 +23,7 @@ def curve_reader(folder: FitFolder, dialect: str = "") -> CurveReader:
     """
     path, text = folder.path / SETTINGS, folder.settings_text(dialect)
     device, file = _file_device(path, text)
+    # A pipeline is built with a file that exists: that of its text may be gone.
     overrides: tuple[str, ...] = ()
     if not (folder.path / file).exists():
         curves = (curve for curve in folder.curves() if folder.dialect_of(curve.name) == dialect)

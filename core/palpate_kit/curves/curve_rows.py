@@ -69,6 +69,7 @@ def fit_rows(
     The `pool` fits them, else a number of `workers`: by default one for fewer than FEW curves, and one per core for
     more. The rows of the table are then in the `order` of names, by default that of the folder. Raises UserError.
     """
+    # What is stale is known before anything is fitted, for the total of the progress.
     stale: list[tuple[FitTable, CurveReader, list[Curve]]] = []
     for dialect, curves in _curves_by_dialect(folder, names):
         table, reader = table_of(folder, dialect), curve_reader(folder, dialect)

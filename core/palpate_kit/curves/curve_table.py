@@ -62,6 +62,7 @@ class FitTable:
         text = resolved_text(pipeline, folder)
         ignored = {*pipeline.registry.tables, *reading_keys(device)}
         settings = folder / SETTINGS
+        # A further dialect is added to the settings; others must be the same as before.
         if dialect and settings.exists() and dialect not in dialects_in(settings):
             write_dialects(settings, {dialect: text})
         elif not settings.exists():
@@ -237,6 +238,7 @@ def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
     with _open_table(path) as file:
         file.seek(begin)
         for number, line in enumerate(iter(file.readline, b""), start=2):
+            # A process that was killed may have left a part of a line.
             if not line.endswith(b"\n"):
                 return
             cells = next(csv.reader([line.decode()]), [])

@@ -68,6 +68,7 @@ def replication_unit(groups: Mapping[str, Sequence[Cells]], unit: str | None = N
     candidates = [name for name in columns if name not in (*PLACES, *FACTS) and _names_units(groups, name)]
     if len(groups) < 2 or not candidates:
         return CURVE
+    # The coarsest column: the values of all others lie within its values.
     for coarse in candidates:
         if all(_lies_within(fine, coarse, curves) for fine in candidates):
             return coarse

@@ -75,6 +75,7 @@ def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, 
     They are the other axes of a force, or the pose of a height, by names that end in x, y and z, or in 0 to 5 as a UR
     numbers force and pose. The unit None is that of the role.
     """
+    # A UR numbers its force and pose 0 to 5: 2 is z, 3 to 5 are the rotation vector.
     if name.endswith("_2"):
         x, y, z, *rotation_columns = (f"{name[:-1]}{axis}" for axis in range(6))
         rotations = [_axis_signals("r", rotation_columns, "rad")] if "pose" in name else []

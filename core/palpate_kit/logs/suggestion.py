@@ -181,6 +181,7 @@ def assemble_suggestion(
         role: {"channel": channels[role], "sign": guess.signs[role].value} for role in ROLES if role in guess.picks
     }
     reasons = [*reasons_of(guess), *extra.get("reasons", ())]
+    # Times [s] and values [SI] of the roles, by which tare, gap and delay are judged.
     series: dict[str, tuple[Floats, Floats]] = {}
     for role, pick in guess.picks.items():
         time, values = scale_column(pick, factors[role], guess.signs[role].value)

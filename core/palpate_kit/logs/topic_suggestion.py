@@ -181,6 +181,7 @@ def _doubt_of_stamps(guess: RoleGuess, spans: Mapping[str, _StampSpan]) -> str |
             continue
         topic = guess.picks[role].series.key[0]
         motion = spans[topic]
+        # Stamps of one clock overlap.
         if force.first > motion.last or motion.first > force.last:
             begins = f"they begin {abs(force.first - motion.first) / SECOND:.6g} s apart"
             return f"time: the stamps of {force_topic} and {topic} do not overlap: {begins}; {clock}"
@@ -203,6 +204,7 @@ def _guess_units(guess: RoleGuess, units: dict[str, str], doubts: list[str], tip
     spans = {role: span_of(pick.series.values) for role, pick in picks.items()}
     if not picks["position"].series.unit:
         units["position"] = length_unit(spans["position"], tip)
+    # A force is plausible by the stiffness that it would mean at that depth.
     length_factor = si_unit(units["position"])[1]
     if not picks["force"].series.unit:
         units["force"], _ = force_unit(spans["force"], spans["position"] * length_factor, tip)
@@ -251,6 +253,7 @@ def _topic_tables(container: Container) -> tuple[TopicTables, dict[str, _StampSp
         if topic.startswith("/palpate/") or is_commanded or len(columns) > _MAX_COLUMNS:
             continue
         names[topic] = columns
+        # The beginning of a topic is enough to find its roles.
         of_topic = batches.setdefault(topic, [])
         if sum(len(earlier.time) for earlier in of_topic) < _MAX_ROWS:
             of_topic.append(batch)

@@ -92,6 +92,7 @@ def value_table(table: ResultTable, whole_names: bool = False, names: Sequence[s
     """
     units = {name: value.unit for row in table.rows for name, value in row.values.items()}
     names = names or chief_names(units)
+    # Columns: labels of the row, then number and verdict of each value.
     label_headings = _label_headings(table)
     headings = []
     for name in names:

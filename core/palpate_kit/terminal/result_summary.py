@@ -44,6 +44,7 @@ def result_views(pipeline: Pipeline, result: Result, details: bool) -> Iterator[
     sections = pipeline.registry.report_sections
     if not details:
         sections = {name: section for name, section in sections.items() if not section.detail}
+    # The head, the values, the sections of plugins, and what is to be known of the values.
     if is_screen:
         yield Text(title_line(result.run["name"]))
         yield from map(Text, filled(run_subject(pipeline, result)))

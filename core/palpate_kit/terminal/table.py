@@ -90,6 +90,7 @@ def console(width: int = 80) -> Console:
                 return
             super().print(*(_fitting(item, self) for item in objects), **options)
 
+    # Only a terminal knows its width.
     console_of_terminal = WholeTables(markup=False, emoji=False)
     if console_of_terminal.is_terminal:
         return console_of_terminal

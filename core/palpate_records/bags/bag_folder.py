@@ -110,6 +110,7 @@ def bag_files(path: Path) -> list[Path]:
     if not _holds(Path.is_dir, path):
         return [regular(path)]
     listed_files = [path / Path(name).name for name in _listed_files(path / _METADATA)]
+    # A list is believed if all of its files are there.
     missing_names = [file.name for file in listed_files if not _holds(Path.is_file, file)]
     if missing_names:
         names = printable(", ".join(missing_names))

@@ -46,6 +46,7 @@ def recover_bag(path: Path, out: Path, progress: Progress = silent) -> str:
     with scratch() as folder:
         copy = folder / path.name
         try:
+            # SQLite repairs and reads a copy: the original stays as it is.
             copy_with_journal(path, copy)
             page_size = _lengthen(copy)
         except OSError as error:

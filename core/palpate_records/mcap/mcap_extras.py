@@ -67,6 +67,7 @@ def head_extras(path: Path) -> list[tuple[int, bytes]]:
             if len(head) < records.RECORD.size:
                 break
             opcode, length = records.RECORD.unpack(head)
+            # The head ends with the first message, or with damage.
             if opcode in (records.CHUNK, records.MESSAGE, records.DATA_END) or length > records.LIMIT:
                 break
             if opcode not in records.EXTRAS or length > _MAX_SIZE:

@@ -196,6 +196,7 @@ class McapFile:
         reader = Pass(self.path, definitions, self._summary, whole=not is_window and self._complete)
         chunks = self._summary.chunks
         try:
+            # Of a window only the chunks are read whose times overlap it.
             if chunks and is_window:
                 yield from reader.some([offset for first, last, offset in chunks if _overlaps(first, last, begin, end)])
             else:

@@ -36,6 +36,7 @@ def recover_mcap(path: Path, out: Path, beside: Mapping[str, str] = {}, progress
     log = McapFile(path, accept_cut=True)
     is_of_palpate = any("palpate" in topic.metadata for topic in log.topics.values())
     try:
+        # The new log is complete before it gets its name.
         with scratch(out.parent) as folder:
             recovered = _write_log(log, folder, beside if is_of_palpate else {}, progress)
             if not recovered.messages:

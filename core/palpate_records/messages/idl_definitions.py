@@ -89,6 +89,7 @@ class _Parser:
                         self.aliases[_scoped_name(scope, declaration.name)] = declaration
                 case "enum":
                     name = self._next()
+                    # The names of an enumeration are constants: a message has a number.
                     self.aliases[_scoped_name(scope, name)] = Field(name, "uint32")
                     self._skip_to("}")
                     self._demand("}")

@@ -78,6 +78,7 @@ def _charge_message(types: Mapping[str, _MessageCost], name: str, data: memoryvi
     while position < len(data):
         budget.charge(VALUE)
         key, position = _read_varint(data, position)
+        # A key is the number of a field and the wire type of its value.
         number = key >> _WIRE_BITS
         wire_type = key & ((1 << _WIRE_BITS) - 1)
         if wire_type == _COUNTED:

@@ -204,6 +204,7 @@ def _time_in_unit(search: _ClockSearch, column: int, is_named: bool) -> TimeColu
     if dimension != "s":
         return None
     seconds = values * unit_size
+    # Whole seconds that rows share are coarse; even rows are a better time.
     if is_named and (even_clock := _even_seconds(sheet, column, seconds)) is not None:
         return even_clock
     reason = f"taken as {unit}: {1.0 / (usual_step * unit_size):.4g} Hz" if usual_step > 0 else f"in {unit}"

@@ -141,6 +141,7 @@ class Sheet:
             block = np.full((len(part), count), np.nan)
             for i, (_, cells) in enumerate(part):
                 block[i, : len(cells)] = [read(cell) for read, cell in zip(readers, cells[:count])]
+            # Times of day grow past midnight, from block to block.
             for k, day in days.items():
                 block[:, k] = day.unwrapped(block[:, k])
             yield block[[bool(cells) for _, cells in part]]

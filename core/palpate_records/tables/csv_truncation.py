@@ -42,6 +42,7 @@ def cut_number(path: Path, delimiter: str, decimal: str = ".") -> str | None:
     digits_above = list(_digits_above(lines_above, delimiter, width=len(last_cells)))
     if digits is None or len(digits_above) < _MIN_LINES:
         return None
+    # A cut exponent changes a number most, then decimals, then digits of a whole number.
     if digits.exponent < min(other.exponent for other in digits_above):
         return last_cell
     if digits.exponent:

@@ -51,6 +51,7 @@ def plain_numbers(text: str, dialect: Dialect, width: int) -> Floats | None:
         text = text.replace(",", ".")
     text = text.removesuffix("\n")
     count = text.count("\n") + 1
+    # The same separators in every line leave as many numbers in each.
     separators = ("\n" + delimiter * (width - 1)) * count
     if not text or without_digits(text) != separators[1:]:
         return None

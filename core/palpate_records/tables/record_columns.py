@@ -94,6 +94,7 @@ def _label_and_name(sheet: Sheet, column: int) -> tuple[str, str]:
     is_axis = len(label_words) == 1 and label_words[0].lower() in ("x", "y", "z")
     if is_axis or not re.fullmatch(r".*\d|[A-Za-z]", label):
         return "", name
+    # The name that the columns of all records share: without the words of the label.
     plain_name = name
     for text in label_words:
         plain_name = re.sub(rf"[\s_\-:,]*(?<![^\W_]){re.escape(text)}(?![^\W_])", " ", plain_name, count=1)

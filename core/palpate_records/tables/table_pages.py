@@ -72,6 +72,7 @@ def _page_edges(sheet: Sheet, heads: Sequence[int], columns: Sequence[int], file
             if page is not None:
                 yield page
             page = _PageEdges()
+        # Lines between the names and the first numbers are units, equal on pages of one record.
         elif page is not None and text.strip() and not sheet.dialect.is_comment(text):
             cells = next(iter(sheet.dialect.rows([text])), [])
             row = [_number_in_row(sheet, cells, k) for k in columns]
