@@ -16,7 +16,7 @@ _WORDS = {
     "poisson": "Poisson's ratio",
     "thickness.height": "thickness",
 }
-_MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption (choice); less is in result.json only
+_MIN_PERCENT = 0.05  # per cent of a value by 1 % of an assumption (choice); less is in result.json, not on a screen
 _PREFERRED_VALUES = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
 _SECOND = ("viscosity", "damping")
 

@@ -22,6 +22,7 @@ from palpate_uncertainty.assumption_line import skin_conditions
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import PropagatedDraws
 
+# Of the screen alone: no verdict depends on them.
 _MIN_PERCENT = 5e-3  # per cent (choice); less is shown as such
 _MIN_DRAWS = 4  # draws of a Monte Carlo budget (choice), for a standard deviation of them
 _DETAILS_WIDTH = 120  # characters of the table of contributions

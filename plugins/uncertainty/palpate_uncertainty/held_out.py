@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Estimator, Floats, Problem, Samples, contact_force, force_over_time
 
-# Choices.
+# Choices, of `palpate fit choose` alone: no verdict depends on them.
 _BLOCKS = 4  # in time, each of which is predicted from the others
 _CUBIC_SAMPLES = 15  # samples of the local cubic for depth, rate and acceleration
 _MIN_SAMPLES = 100  # samples of a block

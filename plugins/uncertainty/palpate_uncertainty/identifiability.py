@@ -16,7 +16,7 @@ from palpate_uncertainty.alternative_fit import refit
 from palpate_uncertainty.information_bound import bounds_of_refit
 from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
-# Choices of the samples that are judged.
+# Choices of the samples that are judged. Stretches and lifts are those of a sweep by an estimator of one value.
 _MIN_SAMPLES = 300  # in contact, for a judgement
 _STRETCH_DURATION = 2.0  # [s] of a sweep
 _MIN_LIFT = 0.1  # [s] between two samples in contact: the tip was in the air
@@ -25,7 +25,7 @@ _FLAGGED_DISTANCE = 3.0  # [combined uncertainties] between a value and its refi
 _COUNTED_DISTANCE = 1.0  # [combined uncertainties] the same, beyond which it enters the uncertainty
 _FLAGGED_BOUND_SHARE = 0.5  # of the bound, by a standard deviation; a filter that forgets is above it
 _COUNTED_BOUND_SHARE = 0.9  # of the bound, by a standard deviation
-_MAX_UNEVENNESS = 0.1  # of a value, between one stretch of the way and all of it
+_MAX_UNEVENNESS = 0.1  # of a value, between one stretch of a sweep and all of it
 _INDISTINCT_CORRELATION = 0.998  # beyond which one of two could be 15 times better known if the other were
 _MAX_BIAS_SHARE = 0.5  # of a predicted bias, up to which least squares shows that a value has none
 _SMALLEST_VALUE = 1e-300  # in a quotient, in place of 0: near the smallest double

@@ -13,6 +13,7 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 from palpate_uncertainty.refitted_model import left_by
 from palpate_uncertainty.settings import ChoiceSettings
 
+# They apply where a pipeline lets the record choose between models ([choice]).
 _WINDOW_TIMES = 5.0  # of the correlation time, at which its sum is cut off (Sokal 1997)
 _SAMPLES_PER_LAG = 4  # of an autocovariance, at least (choice)
 _SMALLEST_VARIANCE = 1e-300  # in a logarithm, in place of 0: near the smallest double

@@ -26,7 +26,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
 _INTERVAL = (0.025, 0.975)  # quantiles of the 95 % interval
-# Choices.
+# Choices, of `palpate report budget --monte-carlo` alone: no verdict depends on them.
 _SLOPE_SAMPLES = 10  # samples to either side that the slope of the force is taken over
 _CHUNK_DRAWS = 8  # draws of one job
 _COMPILED_SAMPLES = 100_000  # samples, from which on machine code for one draw is worth its compilation

@@ -12,6 +12,7 @@ from palpate_kit.numerics.normal_equations import standard_errors
 from palpate_uncertainty.delay.response_laws import unit_forces
 from palpate_uncertainty.delay.timed_record import LATEST, SURFACE_STEP, ResponseLaw, TimedRecord
 
+# They apply to a delay that nobody has stated, in a motion of several lines and over 1000 samples.
 _MAX_SURFACE_SHIFT = 1e-3  # [m] by which a law may move the surface (choice)
 # Choices: the units in which the unknowns of a fit are of one size, and its end.
 _SURFACE_UNIT = 1e-4  # [m], unit of the surface among the unknowns (choice)

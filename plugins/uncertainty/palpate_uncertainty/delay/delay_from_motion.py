@@ -20,12 +20,12 @@ from palpate_uncertainty.refit import possible, sweeps
 from palpate_uncertainty.whiteness import oscillation
 
 _DETERMINED_FACTS = frozenset({"delay"})  # that the motion determines
-# Of decision 0153.
+# Of decision 0153. They apply to a delay that nobody has stated.
 _MAX_RELATIVE_STD = 0.3  # of a viscosity with an unknown delay, below which the motion is rich
 _MAX_BIC_DIFFERENCE = 10.0  # from the best law, within which one counts by exp(-dBIC/2)
 _MAX_BIC_OF_SPREAD = 30.0  # from the best law, within which one spreads the delay where no law is the model's own
 _MIN_OTHER_SHARE = 0.2  # of the rate's variance, that more than one line must hold
-# Choices.
+# Choices: whatever the motion, a short record does not determine a delay.
 _MIN_SAMPLES = 1000  # of a record that is looked at
 _MIN_CORRECTION = 0.005  # of a value; a smaller one is not written
 

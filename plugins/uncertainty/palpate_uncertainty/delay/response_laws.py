@@ -10,6 +10,7 @@ from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxing_share
 
 # Choices: they trade the time of a fit for the range of materials that a law describes.
+# They apply to a delay that nobody has stated, in a motion of several lines and over 1000 samples.
 _TIMES_PER_DECADE = 4  # of the branches that make up a power law
 _TIME_MARGIN = 10.0  # by which these branches go beyond the step and the span of a record
 # A branch with more time constants than this in the span has forgotten what was before the record.

@@ -13,6 +13,7 @@ from palpate_kit.numerics.normal_equations import linear_regression
 
 from palpate_uncertainty.refit import Course, make_course
 
+# They apply to a delay that nobody has stated, in a motion of several lines and over 1000 samples.
 LATEST = 0.03  # [s] of a delay that is looked for (choice); as much is left out at each end of a run
 _WINDOWS = (5, 7, 9, 11, 15, 19, 25, 31, 41)  # samples of the local cubic for rate and acceleration (choice)
 # The shortest window that leaves no more noise than this does not bend fast motions.
