@@ -10,6 +10,7 @@ from palpate.flags import Flag
 
 from palpate_engine.result.track_result import TrackResult
 
+# It applies where several good tracks of one model stand next to each other.
 _MAX_DISTANCE = 2.0  # combined uncertainties between values of two tracks of one model; a choice: 95 %
 
 

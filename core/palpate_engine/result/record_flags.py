@@ -12,7 +12,7 @@ from palpate.flags import Flag
 from palpate_engine.alignment import GRAVITY, AlignmentReport, AlignmentSettings, Health
 from palpate_engine.result.track_record import TrackRecord
 
-# Choices, if not said otherwise.
+# Choices, if not said otherwise. They apply to faults of streams and clocks: a log in order does not come near them.
 _MAX_CLOCK_DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _MAX_GAPS = 0.01  # of the samples, that may lack a reading
 _MAX_LOST = 0.05  # of the samples: more lost readings count, whatever their effect

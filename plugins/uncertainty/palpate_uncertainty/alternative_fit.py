@@ -10,6 +10,7 @@ from palpate import Floats
 
 from palpate_uncertainty.refit import Course
 
+# Bounds that only a refit meets which runs away, and its cost: one that ends does not depend on them.
 _MAX_SURFACE_SHIFT = 0.02  # [m] that the surface may move, a choice
 _MAX_SAMPLES = 3000  # samples that a refit looks at, a choice of time
 _MAX_EVALUATIONS = 40  # of a refit, a choice

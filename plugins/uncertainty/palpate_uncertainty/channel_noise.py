@@ -13,6 +13,7 @@ from palpate_kit.numerics.tip_travel import median
 
 Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a sample belongs to
 
+# A record with a long standstill of nearly white noise does not come near any but the first.
 MIN_SAMPLES = 200  # at standstill (choice)
 OUTLIER = 6.0  # standard deviations (choice); a value beyond them is an outlier, which is flagged as such
 MEDIAN_TO_STD = 1.4826  # standard deviation of normal noise over the median of its absolute value

@@ -15,6 +15,7 @@ from palpate_uncertainty.model_alternatives import MEMORY, fastest_branch, maker
 from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import relaxation_columns, relaxation_times
 
+# They leave out refits whose gain a score already excludes: what they cost is time, and no verdict.
 SUSPICIOUS = 1e-2  # p of one score (choice), 80 times what a directed test of eight is significant from
 _MAX_SHORTFALL = 4.0  # times the share that a score promises (choice), which a refit may take
 # Choices: steps of differences, far above rounding and far below the curvature of the force.

@@ -10,7 +10,7 @@ from palpate import Floats, LastDigit, SampleStore, TrackEvidence
 
 from palpate_uncertainty.channel_noise import null_of
 
-# Choices, unless a source is named.
+# Choices, unless a source is named. A record with air in plenty, or a flat band, does not come near most of them.
 AIR = 0.2  # [s] without contact that determines the noise
 MIN_READINGS = 100  # without contact that determine the noise
 REST = 6.0  # standard deviations of the height at rest; a tip that is farther off moves

@@ -14,6 +14,7 @@ from palpate_kit.budget.uncertainty_sources import sources_of
 
 from palpate_uncertainty.refit import depths_in_contact
 
+# They apply to a sphere whose sensor measures the force across it as well.
 _HERTZ_POWER = 1.5  # power of the depth that the force under a sphere is proportional to, by the law of Hertz
 _MAX_TILT = math.radians(45.0)  # of a skin under the tip
 _TILT_STEP = math.radians(0.05)  # of the angles that are looked through

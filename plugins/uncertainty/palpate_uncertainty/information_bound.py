@@ -11,6 +11,7 @@ from palpate_kit.numerics.normal_equations import scaled_inverse, standard_error
 from palpate_uncertainty.alternative_fit import Refit
 from palpate_uncertainty.refit import Course
 
+# They apply to filters; the fewest samples guard short records.
 _MAX_SAMPLES = 3000  # that slopes are taken at: a choice of time
 _DIFFERENCE = 1e-4  # of a value, for slopes by differences
 _DEPTH_DIFFERENCE = 1e-6  # [m] of the surface, for a slope by differences

@@ -14,7 +14,7 @@ from palpate_uncertainty.refit import Course
 from palpate_uncertainty.relaxation_alternatives import fit_relaxation
 from palpate_uncertainty.undeclared_thickness import BONDED_COEFFICIENTS
 
-# Choices: the bounds of what an alternative adds.
+# Choices: the bounds of what an alternative adds, beyond any rig: only a search that runs away meets them.
 _MAX_DELAY = 0.02  # [s] of the force
 _MAX_MASS = 10.0  # [kg] behind the sensor
 _MIN_RIG_STIFFNESS = 1e3  # [N/m] of arm and base

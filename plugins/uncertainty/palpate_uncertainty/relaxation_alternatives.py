@@ -9,7 +9,7 @@ from palpate import Floats
 
 from palpate_uncertainty.refit import Course
 
-# Choices.
+# Choices. But for the times they are bounds and resolution of a search, whose result does not depend on them.
 _RELAXATION_TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
 _MAX_SAMPLES = 3000  # samples that are fitted
 _MAX_SURFACE_SHIFT = 3e-3  # [m] that the surface may move

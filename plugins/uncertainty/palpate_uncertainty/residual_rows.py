@@ -35,7 +35,8 @@ _SMALL_RADIUS = 0.5e-3  # [m] of a tip, below which it is not a robot's
 _SLOPE_WINDOW, _MIN_SLOPE_SAMPLES = 0.08, 11  # [s] and samples of the window of slow accelerations
 _OPEN_DELAY, _OPEN_MASS = 0.02, 0.5  # [s], [kg] of facts that nobody has stated, one standard uncertainty
 _OPEN_MASS_SHARE = 0.05  # of a mass that is stated without an uncertainty, one standard uncertainty
-# Typical sizes of alternatives, choices as well: one that would not show at this size is not tested.
+# Typical sizes of alternatives, choices as well: one that would not show at this size is not tested. The size
+# matters for a record in which an alternative hardly shows.
 _TYPICAL_POWER = 0.5  # of the depth, by which the force of another tip grows otherwise
 _TYPICAL_STIFFENING = 0.5  # of the elastic force at the deepest, by another thickness
 _TYPICAL_FADING = 0.3  # of the elastic force, that changes in time, relaxes, or is lost on the way out

@@ -15,6 +15,7 @@ from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.discrepancy import Explanation
 from palpate_uncertainty.residual_null import ResidualNull
 
+# A wrong record of six deviations is far beyond the level: it sets the share of right ones that are doubted.
 LEVEL = 1e-3  # of a record: chance that a right one fails the tests (choice)
 SAYS_NOTHING = 10.0 * LEVEL  # a chance from which on a test says nothing (choice)
 VISIBLE_SIGMAS = 4.0  # standard deviations by which an alternative of its typical size must show (choice)

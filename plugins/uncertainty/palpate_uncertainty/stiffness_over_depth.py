@@ -14,7 +14,7 @@ from palpate import Diagnosed, Floats, TrackEvidence, contact_force
 
 from palpate_uncertainty.whiteness import oscillation
 
-# Choices.
+# Choices, of a table that is shown: no verdict depends on them.
 EDGES = (0.1, 1 / 3, 2 / 3, 1.0)  # of the deepest depth; a slope above the first depends on the surface
 FEWEST_SAMPLES = 20  # of a stretch
 LARGEST_CORRELATION = 0.99  # of neighbouring residuals, beyond which a stretch has no independent samples

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from palpate import Diagnosed, Flag, Indenter, TrackEvidence
 
+# They apply to an arm whose orientation over a surface is recorded.
 # [rad] between tool and normal, from which on a value is doubtful, and from which on it is invalid.
 _SPHERE_LIMITS = math.radians(45.0), math.radians(60.0)  # a choice, of a sphere
 _OTHER_LIMITS = math.radians(2.0), math.radians(10.0)  # a choice, of a tip with an edge

@@ -13,6 +13,7 @@ from palpate import Floats
 from palpate_uncertainty.channel_noise import OUTLIER, Null, Runs, deviation, without_outliers
 from palpate_uncertainty.chi_square import chance_of_more
 
+# A pattern shows by any number of lags and bins; the fewest values guard short records.
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10  # lags of the autocorrelation; bins of phase, time and depth
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.

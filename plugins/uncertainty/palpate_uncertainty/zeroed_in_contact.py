@@ -14,7 +14,7 @@ from palpate_uncertainty.alternative_fit import Refit, refit
 from palpate_uncertainty.refit import Course, make_course, possible
 from palpate_uncertainty.refitted_model import judged_rows
 
-# Choices.
+# Choices. They apply where the tare was taken below the surface that the fit finds.
 SIGNIFICANT = 5.0  # standard uncertainties of the force that is missing where the zero was taken
 FEWEST_READINGS = 10  # of the tare
 DEPTH_STEP = 1e-6  # [m] for a slope

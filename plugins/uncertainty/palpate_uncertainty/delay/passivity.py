@@ -13,7 +13,7 @@ from palpate_engine import acceleration
 _POLYNOMIAL_DEGREE = 5  # of the elastic force over the depth
 _PIECES = 12  # of the record, whose scatter is the standard error
 _MIN_SAMPLES = 200  # that go both ways over the same depths
-# Choices: the lateness that is reported.
+# Choices: the lateness that is reported, of a force ahead of its motion, which no passive material makes.
 _MIN_STANDARD_ERRORS = 5.0  # [standard errors] of a lateness that is not by chance
 _MIN_LATENESS = 3e-4  # [s] of a force ahead of its motion, below which it is not reported
 
