@@ -35,7 +35,7 @@ class DistanceExpansion:
     reach: float = 0.0  # [m] within which it counts: across the normal, or where nothing is known in any direction
 
     def reaches(self, places: Floats) -> NDArray[np.bool_]:
-        """(n,) whether it counts at places (n, 3) [m]; a place that is not a number asks for no other."""
+        """Return True (n,) for the places (n, 3) [m] at which it counts; one that is not a number asks for no other."""
         shift = places - self.place
         along = dot_columns(shift.T, self.normal)
         if self.known == 1.0:
@@ -46,7 +46,7 @@ class DistanceExpansion:
         return np.asarray(~np.isfinite(aside) | ((reach > 0.0) & (aside <= reach * reach)))
 
     def planes(self, places: Floats) -> Floats:
-        """(n, 8) below places (n, 3) [m]: normals, heights [m], curvatures [1/m] with their uncertainty, `known`."""
+        """Return (n, 8) below places (n, 3) [m]: normals, heights [m], curvatures [1/m], their uncertainty, `known`."""
         shift = places - self.place
         missing = ~finite_rows(shift)
         shift[missing] = 0.0

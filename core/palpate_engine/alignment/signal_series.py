@@ -86,7 +86,7 @@ class Series:
         return int(self.stamps[-1]) if len(self.stamps) else None
 
     def at(self, instants: NDArray[np.int64]) -> Floats:
-        """Values (n,) by linear interpolation; NaN outside the readings, across a gap, or next to a saturated one."""
+        """Return values (n,) by linear interpolation; NaN outside the readings, across a gap, or by a saturated one."""
         count = len(instants)
         if np.array_equal(self.stamps[:count], instants) and (instants[1:] > instants[:-1]).all():  # of one stream
             return np.where(self._saturated[:count], np.nan, self.values[:count]) + 0.0

@@ -115,7 +115,7 @@ class _Sums:
         return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
 
     def disagreement(self) -> tuple[float, float | None, float]:
-        """Spread of the weight w [N]; |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty by noise."""
+        """Return the spread of the weight w [N], |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty."""
         axes = range(_FORCES)
         moments = np.array([[self._moment(i, j) for j in axes] for i in axes]) / _PER_NEWTON**2
         # Covariances (3, 3) of the readings f, of f with w, and of the weight w.

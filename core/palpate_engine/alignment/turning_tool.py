@@ -52,9 +52,10 @@ class TurningToolReader(SignalReader):
         sample_stamps, planes, zeros = stamps[:count], None, np.zeros(count)
         # Orientation of the tool at every instant, that after the block included.
         turns = {name: self._series[f"orientation {name}"].at(stamps) for name in self._turns}
-        rows = rotations(quaternions(turns, self._euler))
-        out = axis_out(rows)
-        height, motion = self._series["position"].values[: len(stamps)], ((zeros, zeros, zeros), zeros)
+        rotation_rows = rotations(quaternions(turns, self._euler))
+        out = axis_out(rotation_rows)
+        height = self._series["position"].values[: len(stamps)]
+        place_and_height = (zeros, zeros, zeros), zeros  # of the tip, as its watch takes them
         if self._is_projecting:
             place = self._from_end(self._columns("position", stamps), out)
             if self._lookup is None:
@@ -62,19 +63,20 @@ class TurningToolReader(SignalReader):
             else:
                 next_planes = self._lookup.planes(np.column_stack(place), count)
                 height, planes = next_planes.height, next_planes[:count]
-            motion = (place[0][:count], place[1][:count], place[2][:count]), height[:count]
+            place_and_height = (place[0][:count], place[1][:count], place[2][:count]), height[:count]
         # Force and velocity are those of the samples of the block alone, along the normal below each.
         normal = None if planes is None else _vector(planes.normal.T)
-        rows, out = _first(rows, count), _vector(column[:count] for column in out)
-        load, velocity = self._load(sample_stamps, rows, normal), self._velocity(sample_stamps, out, normal)
+        rotation_rows, out = _first(rotation_rows, count), _vector(column[:count] for column in out)
+        load = self._load(sample_stamps, rotation_rows, normal)
+        velocity = self._velocity(sample_stamps, out, normal)
         self._lateral.add(np.column_stack([load.along, *load.across]))
         tilt = self._frame.tilt(out, normal) if self._is_projecting else zeros
         if planes is None:
-            self._watch.add(load, *motion, tilt, zeros, zeros)
+            self._watch.add(load, *place_and_height, tilt, zeros, zeros)
             return ToolSignals(height, load.along, velocity, np.full((count, 2), np.nan))
         # Where the surface is not known, NaN takes the force out.
         curvature = planes.curvature.mean(axis=1) * planes.known
-        self._watch.add(load, *motion, tilt, curvature, planes.curvature_std)
+        self._watch.add(load, *place_and_height, tilt, curvature, planes.curvature_std)
         return ToolSignals(height, load.along * planes.known, velocity, planes.curvature * planes.known[:, None])
 
     def _from_end(self, end: Vector, out: Vector) -> Vector:

@@ -60,7 +60,7 @@ class _KeyPress:
         self._was_raised = False  # within an import that takes too long
 
     def take(self, number: int, frame: FrameType | None) -> None:
-        """Ctrl-C was pressed."""
+        """Take note of Ctrl-C."""
         if not _swallows_exceptions(frame):
             raise KeyboardInterrupt
         self.wait()

@@ -83,13 +83,13 @@ def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
 
 @cache
 def library_versions() -> dict[str, str]:
-    """Versions of palpate, of Python and of the libraries on which numbers depend."""
+    """Return the versions of palpate, of Python and of the libraries on which numbers depend."""
     versions = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
     return versions | {name: importlib.metadata.version(name) for name in _LIBRARIES}
 
 
 def lift_facts(pipeline: Pipeline) -> dict[str, Any]:
-    """``run.lifted`` of a motion above the specimen; nothing of others."""
+    """Return ``run.lifted`` of a motion above the specimen; nothing of others."""
     lifted = [motion for motion in pipeline.trajectories.values() if isinstance(motion, Lifted)]
     return {"lifted": {"height": lifted[0].lift, "pace": lifted[0].pace}} if lifted else {}
 
@@ -112,7 +112,7 @@ def planned_duration(pipeline: Pipeline) -> float | None:
 
 
 def planned_extent(pipeline: Pipeline) -> Extent | None:
-    """Box [m] of the planned motion; None where nothing moves, or more than one motion is planned."""
+    """Return the box [m] of the planned motion; None where nothing moves, or more than one motion is planned."""
     if len(pipeline.trajectories) != 1:
         return None
     (trajectory,) = pipeline.trajectories.values()

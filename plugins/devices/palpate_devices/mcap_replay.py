@@ -84,7 +84,7 @@ class McapReplay(Recording):
 
     @classmethod
     def attached(cls, path: Path) -> LogAttachments:
-        """Attachments that are texts, and the metadata that palpate writes; of a log that is cut, what is whole."""
+        """Return attachments that are texts, and the metadata that palpate writes; of a cut log, what is whole."""
         return attached_to(path)
 
     @classmethod

@@ -180,14 +180,14 @@ def _tuning_symbols(process: InertialProcess) -> Tuning:
 
 
 def input_gain(process: InertialProcess, interval: Any) -> Any:
-    """B (n,): what one newton adds to the state over an interval [s]."""
+    """Return B (n,), what one newton adds to the state over an interval [s]."""
     import casadi as ca
 
     return ca.vertcat(*process.gain(interval), ca.SX.zeros(process.states - process.layout.span("depth", "rate").stop))
 
 
 def process_noise(process: InertialProcess, interval: Any, force_std: Any) -> Any:
-    """Q = B sigma_u^2 B^T (n, n): the noise of the measured force over an interval [s]."""
+    """Return Q = B sigma_u^2 B^T (n, n), the noise of the measured force over an interval [s]."""
     gain = input_gain(process, interval)
     return gain @ gain.T * force_std**2
 
@@ -207,7 +207,7 @@ def predict(
 def fade(
     process: InertialProcess, predicted: PredictedState, factor: Any, sample: Sample, tuning: Tuning, signed: bool
 ) -> tuple[PredictedState, Any]:
-    """P- <- alpha P- and the alpha of this step: a step up where the innovation is large, a step down otherwise.
+    """Return alpha P- and this step's alpha: a step up where the innovation is large, a step down otherwise.
 
     No variance is raised beyond its cap: a congruence with a diagonal, so P- stays positive
     (docs/decisions/0043-fading-is-capped.md).
@@ -297,7 +297,7 @@ def output(
 
 
 def _has_diverged(mean: Any, variance: Any, scale: Any, depth: int) -> Any:
-    """1 where the numbers are not finite, or further from 0 than anything that the first guess leaves possible."""
+    """Return 1 if numbers are not finite, or further from 0 than anything that the first guess leaves possible."""
     import casadi as ca
 
     limit = _MAX_DEVIATION * scale

@@ -122,21 +122,22 @@ def _excess_moments(
 
 
 def sigma_directions(points: Points, states: int, alpha: float, beta: float, kappa: float) -> Directions:
-    """Sigma points in units of the root of the covariance (n, m), their weight, and that of the mean's shift.
+    """Return sigma points in units of the covariance's root (n, m), their weight, and that of the mean's shift.
 
     With x_i = x + L c_i, D_i = f(x_i) - f(x) and s = w sum D_i, the mean is f(x) + s and the covariance
     w sum D_i D_i^T + b s s^T: van der Merwe's 2n + 1 points (b = beta - alpha^2), Julier's (alpha 1, beta 0),
     or the simplex of n + 1 points, in filterpy's order.
     """
     n = states
-    # The simplex: each point is as far from the centre as from every other, built one dimension at a time.
+    # The simplex: each point is as far from the centre as from every other, built one dimension at a time. Column j of
+    # row d has 1, -d or 0 for j below, at and above d, over the length sqrt(d + d^2) of the row.
     if points == "simplex":
-        rows = np.zeros((n, n + 1))
+        directions = np.zeros((n, n + 1))
         for d in range(1, n + 1):
-            rows[d - 1, :d] = 1.0 / np.sqrt(d * (d + 1.0))
-            rows[d - 1, d] = -d / np.sqrt(d * (d + 1.0))
-        rows[0] *= -1.0
-        return rows * np.sqrt(n + 1.0), 1.0 / (n + 1), -1.0
+            directions[d - 1, :d] = 1.0 / np.sqrt(d * (d + 1.0))
+            directions[d - 1, d] = -d / np.sqrt(d * (d + 1.0))
+        directions[0] *= -1.0  # as filterpy has it
+        return directions * np.sqrt(n + 1.0), 1.0 / (n + 1), -1.0
     if points == "julier":
         alpha, beta = 1.0, 0.0
     reach = alpha**2 * (n + kappa)
@@ -167,7 +168,7 @@ def _transition(process: InertialProcess, interval: Any) -> Any:
 
 
 def _force_slope(process: InertialProcess, mean: Any) -> Any:
-    """Slope (n,) of the contact force in a state; 0 out of contact."""
+    """Return the slope (n,) of the contact force in a state; 0 out of contact."""
     import casadi as ca
 
     symbols = ca.SX.sym("x", process.states)

@@ -63,7 +63,7 @@ class FitSensitivity:
         return scaled_inverse((self.jacobian.T @ self.jacobian) * np.outer(loose, loose)) * loose[:, None]
 
     def shifts(self, error: Floats) -> Floats:
-        """Shift (p,) of the free unknowns by an error (n,)."""
+        """Return the shift (p,) of the free unknowns by an error (n,)."""
         return np.asarray(self._inverse @ (self.jacobian.T @ error))
 
     @property
@@ -72,7 +72,7 @@ class FitSensitivity:
         return np.asarray(self._record.weight * self._record.force)
 
     def of_parameter(self, place: int, std: float) -> Floats:
-        """Shift for one standard uncertainty of a parameter that is not free."""
+        """Return the shift for one standard uncertainty of a parameter that is not free."""
         if not std > 0.0:
             return np.zeros(len(self._inverse))
         return self.shifts(-self.column(place, std) * std)
@@ -113,7 +113,7 @@ class FitSensitivity:
         return np.asarray(change / share)
 
     def _errors(self, model: ContactModel) -> Floats:
-        """Residual of another model, which is not worth compiling."""
+        """Return the residual of another model, which is not worth compiling."""
         record = self._record
         if model.memory:
             return Residual(model, ()).errors(record, self._x)

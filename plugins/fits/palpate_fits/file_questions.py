@@ -31,7 +31,11 @@ class FileQuestion:
 
 
 def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQuestion | None:
-    """Return the first thing that only a person knows of a file; None if nothing is missing."""
+    """Return the first question on a file that only a person can answer; None if nothing is missing.
+
+    What is missing comes first, then columns of which each may be a role, then units that were guessed. Keys in
+    `stated` are not asked for.
+    """
     for text in suggestion.blanks:
         key, _, problem = text.partition(": ")
         if f"{_READER}{key}" in stated:
@@ -45,7 +49,7 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
                 needed=True,
                 choices=("tip", "stage"),
             )
-        if key == RATE:  # E of an elastic press does not depend on it
+        if key == RATE:  # not needed of a long table: E of an elastic press does not depend on it
             rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
             return FileQuestion(
                 key=RATE, name="", text=problem, advice=f"{text}; say it with --rate", needed=rows < MIN_ROWS

@@ -102,40 +102,40 @@ def fit(
     )
 
 
-def _fit(asked: FitRequest) -> None:
+def _fit(request: FitRequest) -> None:
     """Fit a folder of fits again, files without a pipeline, many curves by one, or whole logs."""
-    demand_scheduler(asked.scheduler, asked.stage)
-    if asked.fit_folder is not None:
+    demand_scheduler(request.scheduler, request.stage)
+    if request.fit_folder is not None:
         from palpate_fits.folder_command import fit_folder
 
-        fit_folder(asked.fit_folder, asked)
+        fit_folder(request.fit_folder, request)
         return
-    asked.demand_no_folder_options()
-    if asked.tip is not None and asked.has_pipeline:
+    request.demand_no_folder_options()
+    if request.tip is not None and request.has_pipeline:
         raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
-    if asked.curve is not None and (asked.has_pipeline or asked.each):
+    if request.curve is not None and (request.has_pipeline or request.each):
         raise ConfigurationError("--curve is for files without a pipeline; with one: --set device.log.record=NAME")
-    if not asked.has_pipeline and not asked.each and (stated := _stated_tip(asked)) is not None:
+    if not request.has_pipeline and not request.each and (stated := _stated_tip(request)) is not None:
         from palpate_fits.file_fits import fit_files
 
-        fit_files(asked, stated)
+        fit_files(request, stated)
         return
-    if not asked.fitting and not asked.each:
+    if not request.fitting and not request.each:
         raise ConfigurationError("--no-refit: is for many curves, with --each or --tip")
-    if asked.each or asked.by:
+    if request.each or request.by:
         from palpate_fits.each_fits import fit_each
 
-        fit_each(asked)
+        fit_each(request)
         return
     from palpate_fits.whole_logs import fit_logs
 
-    fit_logs(asked)
+    fit_logs(request)
 
 
-def _stated_tip(asked: FitRequest) -> StatedFacts | None:
-    """Return the facts of files without a pipeline, the tip asked for; None for others, or where nobody answers."""
-    stated = stated_facts(asked.sources, asked.overrides, tip=asked.tip, model=asked.model)
-    sources = asked.sources
+def _stated_tip(request: FitRequest) -> StatedFacts | None:
+    """Return the facts of files without a pipeline, the tip request for; None for others, or where nobody answers."""
+    stated = stated_facts(request.sources, request.overrides, tip=request.tip, model=request.model)
+    sources = request.sources
     if stated.facts.tip is None and all(source.exists() for source in sources) and not any(map(_has_run, sources)):
         from palpate_fits.sitting import ask_fact, is_asking, prompt
 

@@ -161,7 +161,7 @@ class AreaSearch:
             self.patches.append((float(place[0]), float(place[1])))
 
     def _on_lumps(self, places: Floats) -> NDArray[np.bool_]:
-        """(n,) True for places (n, k) [m] on a known lump or a likely patch, and not far from every visit."""
+        """Return True (n,) for places (n, k) [m] on a known lump or a likely patch, and not far from every visit."""
         covered = np.zeros(len(places), bool)
         for item in self.lumps:
             covered |= footprint(places, item.lump, self.settings.contrast, _SITE_WIDTH)
@@ -202,7 +202,7 @@ class AreaSearch:
         return Clearance.of(self._patches_grid, self.hiding.expected, self._allowed, self._std), True
 
     def _through(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(m,) the middles that a line has to go through, or a point has to be at: those that are doubtful, or all."""
+        """Return the middles (m,) that a line has to go through, or a point be at: those that are doubtful, or all."""
         if self.settings.aim == "map" or not len(self._doubtful):
             return np.ones(len(self.middles), bool)
         through = near(self.middles, self._doubtful, self._node_distance)
@@ -226,7 +226,7 @@ class AreaSearch:
         return np.where(is_outside[:, None], self.area.nodes[np.argmin(apart, axis=1)], tops)
 
     def _doubtful_places(self, knowledge: Knowledge) -> Floats:
-        """Places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
+        """Return places (n, k) [m] to go through: lumps that are not certain, and likely ones that were not checked."""
         nodes = knowledge.field.nodes
         # Lumps come before places that only may be one.
         unsure = np.array([not self._is_known(item) for item in self.lumps], bool)

@@ -95,7 +95,7 @@ def _without_outliers(log: Floats, level: float, share: float, floor: float) -> 
 
 
 def _rosner_limits(count: int, level: float, share: float) -> Floats:
-    """Critical values (k,) of Rosner's test of `count` sites: of the farthest deviate after each one taken away.
+    """Return the critical values (k,) of Rosner's test of `count` sites, for the farthest deviate in each step.
 
     lambda = (m - 1) t/sqrt((m - 2 + t^2) m) of the m sites that are left, t the quantile 1 - level/(2 m) of Student's
     distribution with m - 2 degrees of freedom.
@@ -135,7 +135,7 @@ def _inliers(values: Floats, limits: Floats, floor: float) -> slice:
 
 
 def prediction_p(log: Floats, baseline: Baseline) -> Floats:
-    """(n,) one-sided p-values of sites being stiffer than the next site of the baseline would be.
+    """Return one-sided p-values (n,) of sites being stiffer than the next site of the baseline would be.
 
     t = (log - mean)/(spread sqrt(1 + 1/k)) with k - 1 degrees of freedom: the prediction interval of one further
     observation. Unlike a test of means it does not find more lumps because one site was palpated more often. A site
@@ -158,7 +158,7 @@ def prediction_p(log: Floats, baseline: Baseline) -> Floats:
 
 
 def discoveries(p: Floats, rate: float) -> NDArray[np.bool_]:
-    """(n,) True for the p-values that Benjamini and Hochberg's step-up keeps at a false-discovery rate (1995)."""
+    """Return True (n,) for the p-values that Benjamini and Hochberg's step-up (1995) keeps at a discovery rate."""
     n = len(p)
     order = np.argsort(p)
     passed = np.flatnonzero(p[order] <= rate * np.arange(1, n + 1) / n)
@@ -178,7 +178,7 @@ class Comparison:
 
 
 def welch(baseline: Floats, suspects: Floats) -> Comparison:
-    """Welch's t-test of repeats at one site against repeats at another, as in the paper; for comparison only.
+    """Return Welch's t-test of repeats at one site against repeats at another, as in the paper; to compare only.
 
     It takes the scatter between repeats for that between sites. With a spread of 0.5 % between sites, 10 repeats and
     p < 0.01, it finds a lump in half of all pairs of sites without one, and more repeats make it worse.

@@ -45,7 +45,7 @@ class Clearance:
 
     @classmethod
     def of(cls, grid: PatchGrid, expected: Floats, risk: float, std: float) -> Clearance:
-        """From the number of patches (m,) expected at each node, until their sum is a risk."""
+        """Return the gain by the number of patches (m,) expected at each node, until their sum is a risk."""
         allowed = risk / max(int(np.count_nonzero(expected)), 1)
         return cls(grid, np.log(np.maximum(expected / allowed, 1.0)), std)
 
@@ -55,15 +55,15 @@ class Clearance:
         return np.asarray(self.grid.squares / (2 * self.std**2))
 
     def points(self) -> Floats:
-        """(m,) gained by a point at each node."""
+        """Return the gain (m,) of a point at each node."""
         return np.asarray(np.minimum(self._decrease, self.excess).sum(axis=1))
 
     def sites(self) -> Floats:
-        """(m,) gained by one site of a line at each node, which is at most that of a point."""
+        """Return the gain (m,) of one site of a line at each node, which is at most that of a point."""
         return self.points()
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
-        """(k,) gained by lines from the first node of a row (k,) to each."""
+        """Return the gain (k,) of lines from the first node of a row (k,) to each."""
         way = lengths_along(self.grid.nodes, row)
         step: Any = way[1]
         if self.grid.nodes.shape[1] > 2:  # on a surface steps differ: their mean as far as each node

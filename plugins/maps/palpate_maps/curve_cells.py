@@ -46,7 +46,7 @@ class CurveCells:
         return [not lack_of(row, self.parameter) for row in self.rows]
 
     def field(self, suffix: str = "") -> Floats:
-        """(ny, nx) [SI] of the parameter, or of its uncertainty "_std" or "_combined"."""
+        """Return (ny, nx) [SI] of the parameter, or of its uncertainty "_std" or "_combined"."""
         field = np.full((len(self.y), len(self.x)), np.nan)
         for row, (column, line), is_usable in zip(self.rows, self.cells, self.usable, strict=True):
             if is_usable:
@@ -128,7 +128,7 @@ def _quoted(text: str) -> str:
 
 
 def cells_npz(cells: CurveCells) -> bytes:
-    """Arrays x, y, value, std, combined, and the parameter's name."""
+    """Return the arrays x, y, value, std, combined, and the parameter's name."""
     file = io.BytesIO()
     suffixes = {"value": "", "std": "_std", "combined": "_combined"}
     fields = {key: cells.field(suffix) for key, suffix in suffixes.items()}
@@ -143,7 +143,7 @@ def length_unit(extent: float) -> tuple[str, float]:
 
 @style()
 def cells_picture(cells: CurveCells, unit: str) -> Any:
-    """Value and relative combined uncertainty side by side, one cell for each curve; a cross is one without a value."""
+    """Draw value and relative uncertainty side by side, a cell for each curve; a cross is one without a value."""
     figure, axes = figure_of(2, height=60.0)
     name, factor = display_unit(unit)
     value = cells.field()

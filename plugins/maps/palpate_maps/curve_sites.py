@@ -50,7 +50,7 @@ def read_curve_sites(
 
 
 def _numbers(row: CurveRow, parameter: str) -> tuple[float, float, float, float] | None:
-    """Place [m], value and standard deviation [SI] of a row; None where one is missing."""
+    """Return place [m], value and standard deviation [SI] of a row; None where one is missing."""
     value, std, place = row.number(parameter), row.number(f"{parameter}_std"), row.place
     if value is None or std is None or place is None or value <= 0:
         return None

@@ -91,7 +91,7 @@ class Cusum:
 
 @lru_cache(maxsize=4096)
 def slack(change: float, rate: float, blocks: int) -> float:
-    """k for a change in standard deviations: half of it, but so little that the threshold is not below 0; on a grid."""
+    """Return k for a change [standard deviations]: half of it, with a threshold not below 0, on a grid."""
     from scipy.stats import norm
 
     largest = np.floor(_SLACK_STEPS * float(norm.isf(rate / blocks))) / _SLACK_STEPS
@@ -101,7 +101,7 @@ def slack(change: float, rate: float, blocks: int) -> float:
 
 @lru_cache(maxsize=4096)
 def run_length(k: float, h: float) -> float:
-    """Mean number of standard normal values until the one-sided sum exceeds h, from 0.
+    """Return the mean number of standard normal values until the one-sided sum exceeds h, from 0.
 
     The sum as a Markov chain on a grid between 0 and h (Brook and Evans 1972); beyond it like exp(2 k h).
     """
@@ -126,7 +126,7 @@ def run_length(k: float, h: float) -> float:
 
 @lru_cache(maxsize=256)
 def threshold(k: float, rate: float, blocks: int) -> float:
-    """h at which the mean run length of one sum is blocks/rate."""
+    """Return h at which the mean run length of one sum is blocks/rate."""
     low, high = _MIN_THRESHOLD, _MAX_CHAIN_THRESHOLD
     while high - low > _THRESHOLD_STEP:
         middle = 0.5 * (low + high)
@@ -138,7 +138,7 @@ def threshold(k: float, rate: float, blocks: int) -> float:
 
 
 def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
-    """Lumps as a rise and the fall after it, each an alarm of the cumulative sums over blocks of the sweep.
+    """Return lumps as a rise and the fall after it, each an alarm of the cumulative sums over blocks of the sweep.
 
     Blocks of `width` are taken in the order of time, the last stay before the sweep first. The lump of a rise is the
     highest peak of the smoothed curve between the two changes, as wide and as high as it is there.
@@ -156,7 +156,7 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
 
 
 def _raised_spans(curve: LineCurve, settings: LumpSettings) -> list[tuple[float, float, float]]:
-    """Begin and end [m] along the sweep, and p-value, of each rise that a fall ends, by their place."""
+    """Return begin and end [m] along the sweep, and p-value, of each rise that a fall ends, by their place."""
     blocks = merge_sites(curve.sites, settings.width)
     noise = np.sqrt(settings.spread**2 + curve.sites.kept**2 * blocks.std**2)
     along = np.interp(blocks.time, curve.sites.time, curve.along)
@@ -172,7 +172,7 @@ def _raised_spans(curve: LineCurve, settings: LumpSettings) -> list[tuple[float,
 
 
 def _rises_and_falls(alarms: list[Alarm]) -> Iterator[tuple[int, int, float]]:
-    """First block, last block and p-value of each rise, or several in a row, that a fall ends."""
+    """Yield first block, last block and p-value of each rise, or several in a row, that a fall ends."""
     rise: Alarm | None = None
     p = 1.0
     for alarm in alarms:

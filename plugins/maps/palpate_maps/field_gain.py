@@ -32,7 +32,7 @@ class FieldGain:
 
     @classmethod
     def of(cls, known: Knowledge, rows: NDArray[np.intp], weight: Floats) -> FieldGain:
-        """Of palpations at some of the field's nodes (m,), with a weight for each of them all."""
+        """Return the gain of palpations at some of the field's nodes (m,), with a weight for each of all nodes."""
         field = known.field
         # The places of the largest weights, evenly thinned.
         summed = np.argsort(-weight, kind="stable")[: 4 * _MAX_SUMMED]
@@ -48,15 +48,15 @@ class FieldGain:
         )
 
     def points(self) -> Floats:
-        """(m,) of a point at each node."""
+        """Return the gain (m,) of a point at each node."""
         return np.asarray(self.cross**2 @ self.weight / (np.diag(self.between) + self.point))
 
     def sites(self) -> Floats:
-        """(m,) of one site of a line at each node."""
+        """Return the gain (m,) of one site of a line at each node."""
         return np.asarray(self.cross**2 @ self.weight / (np.diag(self.between) + self.line))
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
-        """(k,) of lines from the first node of a row (k,) to each."""
+        """Return the gain (k,) of lines from the first node of a row (k,) to each."""
         solved = whiten(cholesky_factor(self.between[np.ix_(row, row)], self.line), self.cross[row])
         return np.asarray(np.cumsum(solved**2 @ self.weight))
 

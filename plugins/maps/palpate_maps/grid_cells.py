@@ -11,7 +11,7 @@ Cells = NDArray[np.intp]
 
 
 def grid_steps(nodes: Floats, cells: Cells) -> Floats:
-    """Distances (2,) [m] in x and y between neighbouring nodes (m, k) [m] of a grid; infinite along a single one."""
+    """Return the distances (2,) [m] in x and y of neighbouring nodes (m, k) [m]; infinite along a single one."""
     count = np.ptp(cells, axis=0)
     return np.where(count > 0, np.ptp(nodes[:, :2], axis=0) / np.maximum(count, 1), np.inf)
 

@@ -60,7 +60,7 @@ class Patch:
         return float(np.log1p(self.contrast))
 
     def profile(self, place: Floats, middles: Floats) -> Floats:
-        """Rise (n, m) of the logarithm at places (n, k) [m] by patches at each of the middles (m, k) [m]."""
+        """Return the rise (n, m) of the logarithm at places (n, k) [m] by patches at each of the middles (m, k) [m]."""
         radii = distances(place, middles) / self.radius
         return np.where(radii < REACH, self.height * np.exp2(-(radii**2)), 0.0)
 
@@ -156,7 +156,7 @@ def _sizes_for(count: int, before: Hiding | None) -> tuple[tuple[tuple[float, fl
 
 
 def _weights(covariances: list[_Covariance]) -> Floats:
-    """Weights (k,) of covariances by their restricted likelihoods, whose sum is 1; 0 of those that hardly count."""
+    """Return weights (k,) of covariances by restricted likelihoods, with the sum 1; 0 of those that hardly count."""
     evidence = np.array([covariance.evidence for covariance in covariances])
     weights = np.exp(evidence - evidence.max())
     weights[weights < _MIN_WEIGHT] = 0.0
@@ -209,7 +209,7 @@ class _Covariance:
     evidence: float  # restricted log-likelihood
 
     def odds(self, rise: Floats) -> Floats:
-        """Likelihood (m,) of each rise h (n, m) over that of none: exp(h' P y - h' P h/2)."""
+        """Return the likelihood (m,) of each rise h (n, m) over that of none: exp(h' P y - h' P h/2)."""
         solved = whiten(self.lower, rise)
         precision = (solved**2).sum(axis=0) - (self.level @ solved) ** 2
         return np.asarray(np.exp(np.clip(self.residual @ solved - precision / 2, _MIN_EXPONENT, _MAX_EXPONENT)))

@@ -72,7 +72,7 @@ def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurv
 
 
 def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
-    """Peaks of the smoothed logarithm that stand out from the higher of the valleys next to them.
+    """Return peaks of the smoothed logarithm that stand out from the higher of the valleys next to them.
 
     The height of a peak over its higher valley (its prominence) is a difference of two means over `width`, both picked
     from the m that the sweep has room for. p = m(m - 1)/2 x the two-sided normal tail of that difference.

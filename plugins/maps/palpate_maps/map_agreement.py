@@ -122,7 +122,7 @@ def _field(kernel: FieldKernel, sites: Sites, nodes: Floats, level: float) -> tu
 
 
 def _are_neighbours(place: Floats) -> NDArray[np.bool_]:
-    """(n,) True for a place that the line goes on to from the one before it."""
+    """Return True (n,) for a place that the line goes on to from the one before it."""
     return np.asarray(np.r_[False, np.linalg.norm(np.diff(place, axis=0), axis=1) <= _BESIDE * WIDTH])
 
 

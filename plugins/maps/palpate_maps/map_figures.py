@@ -33,7 +33,7 @@ _HALF_CELL = 5e-4  # [m] of a map of one row or column: half of the default cell
 def map_picture(
     field: StiffnessMap, label: str, unit: str, findings: Findings | None, outlines: Sequence[Floats]
 ) -> Any:
-    """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known.
+    """Draw value and relative standard deviation side by side, with sites, lumps, and outlines if they are known.
 
     Next to them are the lumps that the exam excludes.
     A red line surrounds what is significantly stiffer than the baseline.
@@ -139,7 +139,7 @@ def sweep_picture(
     findings: Findings | None,
     points: tuple[Floats, Sites] | None = None,
 ) -> Any:
-    """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations.
+    """Draw estimates of tracks along a sweep, with two standard deviations, lumps, and point palpations.
 
     Next to them are the lumps that the sweep excludes.
     """

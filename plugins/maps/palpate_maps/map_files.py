@@ -20,7 +20,7 @@ from palpate_maps.sites import Sites
 
 
 def map_csv(field: StiffnessMap, parameter: str) -> str:
-    """One row for each cell: x, y, value, standard deviation, covered, p-value, stiffer than the baseline."""
+    """Return one row for each cell: x, y, value, standard deviation, covered, p-value, stiffer than the baseline."""
     rows = [f"x_m,y_m,{parameter},{parameter}_std,covered,p,stiff"]
     for j, y in enumerate(field.y):
         for i, x in enumerate(field.x):
@@ -32,7 +32,7 @@ def map_csv(field: StiffnessMap, parameter: str) -> str:
 
 
 def sweep_csv(series: Mapping[str, tuple[Floats, Sites]], parameter: str) -> str:
-    """One row for each site of each track: coordinate along the sweep, place, value, standard deviation."""
+    """Return one row for each site of each track: coordinate along the sweep, place, value, standard deviation."""
     rows = [f"track,along_m,x_m,y_m,{parameter},{parameter}_std"]
     for track, (along, sites) in series.items():
         for coordinate, (x, y), value, std in zip(along, sites.place, sites.value, sites.std, strict=True):
@@ -41,7 +41,7 @@ def sweep_csv(series: Mapping[str, tuple[Floats, Sites]], parameter: str) -> str
 
 
 def map_npz(field: StiffnessMap, parameter: str) -> bytes:
-    """Arrays x, y, value, std, covered, p, stiff, sites, and the parameter's name."""
+    """Return the arrays x, y, value, std, covered, p, stiff, sites, and the parameter's name."""
     file = io.BytesIO()
     np.savez_compressed(
         file,
@@ -59,7 +59,7 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
 
 
 def hiding_csv(hiding: Hiding) -> str:
-    """One row for each place: x, y, on a surface z, and how many patches with their middle there are still expected."""
+    """Return one row for each place: x, y, on a surface z, and the patches still expected with their middle there."""
     places = zip(hiding.middles, hiding.expected, strict=True)
     rows = [",".join([*(f"{coordinate:.6f}" for coordinate in place), f"{number:.4g}"]) for place, number in places]
     head = ",".join(f"{axis}_m" for axis, _ in zip("xyz", hiding.middles.T))

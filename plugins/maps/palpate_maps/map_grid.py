@@ -102,7 +102,7 @@ def blind_width(distance: Floats) -> float:
 
 
 def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bool_]) -> tuple[Floats, Any]:
-    """p-value of each cell (m,) against the baseline sites, and which are discoveries by the default settings of lumps.
+    """Return the p-value of each cell (m,) against the baseline, and which are discoveries by default settings.
 
     t = (mean - baseline)/sqrt(spread^2 (1 + 1/k) + std^2) with k - 1 degrees of freedom; Benjamini and Hochberg's
     control over the covered cells, which is valid for neighbours that are alike (Benjamini and Yekutieli 2001).
@@ -122,7 +122,7 @@ def significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bo
 
 
 def cells_over(sites: Sites, cell: float) -> tuple[Floats, Floats, Floats]:
-    """Axes (c,) and (r,) [m] of a grid of cells over sites, and its nodes (r c, 2), row by row.
+    """Return the axes (c,) and (r,) [m] of a grid of cells over sites, and its nodes (r c, 2), row by row.
 
     Raises ConfigurationError for an impossible cell, LogError for too few sites.
     """
@@ -135,7 +135,7 @@ def cells_over(sites: Sites, cell: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _axis(values: Floats, cell: float) -> Floats:
-    """Places of cells [m] over values (n,) [m]; raises ConfigurationError for an impossible cell."""
+    """Return the places of cells [m] over values (n,) [m]; raises ConfigurationError for an impossible cell."""
     if not (np.isfinite(cell) and cell > 0):
         raise ConfigurationError(f"cell: {cell!r} must be above 0")
     low, high = float(values.min()), float(values.max())
@@ -145,7 +145,7 @@ def _axis(values: Floats, cell: float) -> Floats:
 
 
 def line_distance(sites: Sites) -> float:
-    """Distance [m] between lines or points.
+    """Return the distance [m] between lines or points.
 
     For nine sites in ten, the nearest one that was palpated at another time, ten sites away or more, is not farther; so
     lines that were swept twice do not count.
@@ -171,12 +171,12 @@ def line_distance(sites: Sites) -> float:
 
 
 def _portions(rows: NDArray[np.intp], count: int) -> list[NDArray[np.intp]]:
-    """Rows in portions whose distances to so many others may be held at once."""
+    """Return rows in portions whose distances to `count` others may be held at once."""
     return np.array_split(rows, max(len(rows) * count // _MAX_DISTANCES, 1))
 
 
 def nearest_distance(places: Floats, nodes: Floats) -> Floats:
-    """(m,) [m] distance of nodes (m, k) from the nearest of places (n, k)."""
+    """Return the distances (m,) [m] of nodes (m, k) from the nearest of places (n, k)."""
     from scipy.spatial import KDTree
 
     distance, _ = KDTree(places).query(nodes)
@@ -184,7 +184,7 @@ def nearest_distance(places: Floats, nodes: Floats) -> Floats:
 
 
 def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats, float]:
-    """Mean of the sites around each node with Gaussian weights; scatter and belief make its standard deviation.
+    """Return the Gaussian-weighted mean of the sites around each node; scatter and belief make its deviation.
 
     Both count in full, as if the sites around a node were one observation: their errors are alike.
     """

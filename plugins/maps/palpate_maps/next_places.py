@@ -36,7 +36,7 @@ class Proposal:
 
 
 def lumps_apart(a: Lump, b: Lump, lift: Callable[[Floats], Floats] = np.asarray) -> float:
-    """Distance [m] of the middles of two lumps, over a surface that lifts places (n, 2) [m] to it."""
+    """Return the distance [m] of the middles of two lumps, over a surface that lifts places (n, 2) [m] to it."""
     return float(np.hypot.reduce(np.subtract(*lift(np.array([a.place, b.place])))))
 
 
@@ -62,7 +62,7 @@ class Knowledge:
 
     @classmethod
     def of(cls, sites: Sites, nodes: Floats | None = None, before: Knowledge | None = None) -> Knowledge:
-        """From the sites of a path; `before` is what was known before the latest of them."""
+        """Return the knowledge by the sites of a path; `before` is what was known before the latest of them."""
         known = merge_sites(sites, _SITE_LENGTH)
         base = background_sites(known, _SITE_SPREAD)
         if before is not None:
@@ -71,7 +71,7 @@ class Knowledge:
         return cls(known, base, StiffnessField.of(known, nodes, base.mean))
 
     def expectation(self, contrast: float) -> tuple[Floats, Floats, Floats]:
-        """(m,) each: mean and standard deviation of the height over the baseline, probability of a contrast above."""
+        """Return (m,) each: mean and deviation of the height over the baseline, probability of a contrast above."""
         from scipy.special import ndtr
 
         height = self.field.mean(self.base.mean) - self.base.mean
@@ -91,7 +91,7 @@ class Knowledge:
 
 
 def _nodes(place: Floats) -> Floats:
-    """Nodes (m, 2) [m] of a grid over places (n, 2) [m], a millimetre apart where they are not too many."""
+    """Return nodes (m, 2) [m] of a grid over places (n, 2) [m], a millimetre apart where they are not too many."""
     axes = []
     for low, high in zip(place.min(axis=0), place.max(axis=0), strict=True):
         count = int((high - low) / _NODE_DISTANCE) + 1
@@ -100,7 +100,7 @@ def _nodes(place: Floats) -> Floats:
 
 
 def passes(sites: Sites, places: Floats, within: float) -> NDArray[np.intp]:
-    """(m,) how often the tip was nearer than a distance [m] to places (m, k): points, and each pass of a line."""
+    """Return how often (m,) the tip was nearer than a distance [m] to places (m, k), by points and line passes."""
     close = distances(places, sites.place) < within
     # A pass begins where the site before was not close; each point palpation is one of its own.
     again = close[:, 1:] & (~close[:, :-1] | sites.standing[1:])

@@ -26,7 +26,7 @@ class PathEstimates:
     last: Floats = field(default_factory=lambda: np.zeros(0))  # (columns,) the latest numbers
 
     def add(self, time: Floats, place: Floats, numbers: Floats) -> None:
-        """Estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
+        """Add estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
 
         A place gets the latest estimate before the tip leaves it.
         """

@@ -66,7 +66,7 @@ def lowest_mode(log: Floats, floor: float) -> Mode:
 
 
 def _first_minimum(widths: Floats) -> int:
-    """Index of the first minimum of widths (n,) that is narrow enough, and that a rise of them ends."""
+    """Return the index of the first minimum of widths (n,) that is narrow enough, and that a rise of them ends."""
     narrow_enough = float(widths.min()) / _MIN_DENSITY
     narrowest = 0
     for i, width in enumerate(widths.tolist()):
@@ -78,7 +78,7 @@ def _first_minimum(widths: Floats) -> int:
 
 
 def _spread_below(mean: float, values: Floats, floor: float) -> tuple[float, int]:
-    """Root mean square distance of the values below a mean, without those farther than three times that.
+    """Return the root mean square distance of values below a mean, without those beyond three times that.
 
     Also the number of values that determine it.
     """

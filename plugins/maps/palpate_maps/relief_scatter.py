@@ -38,7 +38,7 @@ def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
 
 
 def _rising_speeds(time: Floats, place: Floats, surface: Floats, interval: float) -> list[float]:
-    """Speeds [m/s] at which the skin rises below a line, from each piece of its way to the next.
+    """Return the speeds [m/s] at which the skin rises below a line, from each piece of its way to the next.
 
     Of mean heights over mean times of the pieces; `interval` [s] is the least time between them.
     """

@@ -24,15 +24,15 @@ class Gain(Protocol):
     """The gain of palpations of nodes of a grid, in any unit."""
 
     def points(self) -> Floats:
-        """(m,) of a point at each node."""
+        """Return the gain (m,) of a point at each node."""
         ...
 
     def sites(self) -> Floats:
-        """(m,) of one site of a line at each node: of several sites together at most the sum."""
+        """Return the gain (m,) of one site of a line at each node: of several sites together at most the sum."""
         ...
 
     def lines(self, row: NDArray[np.intp]) -> Floats:
-        """(k,) of lines from the first node of a row (k,) to each."""
+        """Return the gain (k,) of lines from the first node of a row (k,) to each."""
         ...
 
     def after(self, node: int) -> Gain:
@@ -116,13 +116,13 @@ class ActionGrid:
     def _promising_rows(
         self, points: Floats, sites: Floats, through: NDArray[np.bool_]
     ) -> list[tuple[float, NDArray[np.intp]]]:
-        """Rows through some of the nodes (m,) whose points gain enough, with the most that a line of each gains."""
+        """Return rows through nodes (m,) whose points gain enough, with the most that a line of each gains."""
         least = _MIN_SHARE * float(points.sum())
         rows = [row for row in self._rows if through[row].any() and float(points[row].sum()) >= least]
         return sorted(((self._most(row, sites), row) for row in rows), key=lambda item: -item[0])
 
     def _travel(self, tip: Floats) -> Floats:
-        """Seconds (m,) that a further point takes at each node, from the tip's place; the tool turns over a surface."""
+        """Return the seconds (m,) that a further point takes at each node, from the tip's place and orientation."""
         way = np.hypot.reduce(self.nodes - tip, axis=1)
         if self.normal is not None:
             # Travel and turn go on together: the longer of them counts.

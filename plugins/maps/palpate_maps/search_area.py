@@ -47,11 +47,11 @@ class Area:
         return self.nodes[rows], np.ones(len(rows)) if self.skin is None else self.skin.stretch[rows]
 
     def allows(self, places: Floats) -> NDArray[np.bool_]:
-        """(n,) whether places (n, 2) [m] may be visited."""
+        """Return True (n,) for the places (n, 2) [m] that may be visited."""
         return self._allows(places)
 
     def lift(self, places: Floats) -> Floats:
-        """Places (n, 2) [m] as they are, or on its surface (n, 3); raises ConfigurationError where that is unknown."""
+        """Return places (n, 2) [m] as they are, or on the surface (n, 3); raises ConfigurationError if unknown."""
         return places if self.skin is None else surface_points(self.skin.surface, places).position
 
 
@@ -102,7 +102,7 @@ class _AllowedPlaces:
     box: Box
 
     def __call__(self, places: Floats) -> NDArray[np.bool_]:
-        """(n,) True for the places (n, 2) [m] that may be visited."""
+        """Return True (n,) for the places (n, 2) [m] that may be visited."""
         x, y = places.T
         x0, x1, y0, y1 = self.box
         inside = _between(x, x0, x1) & _between(y, y0, y1)
@@ -125,7 +125,7 @@ class _AllowedPlaces:
 
 
 def _between(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
-    """(n,) True for the coordinates [m] between two, but for rounding."""
+    """Return True (n,) for the coordinates [m] between two, but for rounding."""
     return (values >= low - _ROUNDING) & (values <= high + _ROUNDING)
 
 
@@ -173,7 +173,7 @@ def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, skin_at: Callabl
 
 
 def _refused(pipeline: Pipeline, tips: Setpoint, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Of rows of tips (n,) those that a device refuses; what it takes together is not asked one by one."""
+    """Return, of rows of tips (n,), those that a device refuses; what it takes together is not asked one by one."""
     if not len(rows):
         return
     try:
@@ -189,7 +189,7 @@ def _refused(pipeline: Pipeline, tips: Setpoint, rows: NDArray[np.intp]) -> Iter
 
 
 def _grid(box: Box) -> tuple[Floats, Cells]:
-    """Nodes (m, 2) [m] of a box, and the column and row of each.
+    """Return the nodes (m, 2) [m] of a box, and the column and row of each.
 
     The number of steps is even, so that every second node reaches the borders, too.
     """
@@ -201,6 +201,6 @@ def _grid(box: Box) -> tuple[Floats, Cells]:
 
 
 def _coordinates(low: float, high: float) -> Floats:
-    """Coordinates [m] of nodes from one to another, with an even number of steps."""
+    """Return coordinates [m] of nodes from one to another, with an even number of steps."""
     half = min(round((high - low) / _STEP / 2), _MAX_STEPS // 2)
     return np.linspace(low, high, 2 * half + 1)

@@ -77,11 +77,11 @@ class SearchMotion:
         return True
 
     def _seconds(self, proposals: list[Proposal]) -> float:
-        """Duration [s] of a motion that may be anywhere: over a surface, as over a plane."""
+        """Return the duration [s] of a motion that may be anywhere: over a surface, as over a plane."""
         return float(duration_of(self.along(proposals, level=self.surface is not None)))
 
     def seconds_to(self, distance: Floats) -> Floats:
-        """Seconds that a further point takes, by its distance [m] from the one before."""
+        """Return the seconds that a further point takes, by its distance [m] from the one before."""
         return np.interp(distance, _DISTANCES, self._steps)
 
     @cached_property
@@ -113,7 +113,7 @@ class SearchMotion:
         return short - slope * lengths[0], slope
 
     def seconds_along(self, way: Floats) -> Floats:
-        """Seconds that a line takes, by its length [m]."""
+        """Return the seconds that a line takes, by its length [m]."""
         start, slope = self._line
         return start + slope * way
 

@@ -78,7 +78,7 @@ def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
 
 
 def footprint(places: Floats, lump: Lump, contrast: float, apart: float) -> NDArray[np.bool_]:
-    """(m,) which places [m] lie on a lump, or on its flanks down to a contrast; over a surface as seen from above.
+    """Return True (m,) for places [m] on a lump, or on its flanks down to a contrast; over a surface from above.
 
     A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
     """

@@ -27,7 +27,7 @@ class SearchSkin:
 
     @classmethod
     def at(cls, surface: Surface, points: SurfacePoints, rows: NDArray[np.bool_]) -> SearchSkin:
-        """Of some of the points of a grid."""
+        """Return the skin at some of the points of a grid."""
         return cls(surface, points.normal[rows], np.abs(points.curvature[rows]).max(axis=1))
 
     @property
@@ -70,6 +70,6 @@ def tips_on(points: SurfacePoints, depth: float) -> tuple[Setpoint, NDArray[np.b
 
 
 def skin_share(points: SurfacePoints, allowed: NDArray[np.bool_], beside: float) -> float:
-    """Share of the skin below the points of a grid that is allowed; a point without skin counts as `beside` of one."""
+    """Return the share of the skin below a grid's points that is allowed; a point without skin is as its neighbour."""
     area = np.where(np.isfinite(points.normal[:, 2]), 1.0 / np.maximum(points.normal[:, 2], _MIN_AREA_Z), beside)
     return float(area[allowed].sum() / area.sum())

@@ -39,7 +39,7 @@ def neighbour_reach(place: Floats) -> float:
 
 
 def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
-    """Chosen sites joined where a chain of them has no step longer than `reach` [m], nor one past a site between.
+    """Return chosen sites in groups: chains with no step longer than `reach` [m], nor one past a site between.
 
     A site that is not chosen is between two where it lies in the circle, or over a surface the ball, about their middle
     (Gabriel and Sokal 1969).
@@ -73,7 +73,7 @@ def _are_joined(a: Floats, b: Floats, unchosen: Floats, reach: float) -> bool:
 
 
 def is_visit(sites: Sites) -> NDArray[np.bool_]:
-    """(n,) point palpations that are not the stay from which a sweep continues."""
+    """Return True (n,) for point palpations that are not the stay from which a sweep continues."""
     way = np.linalg.norm(np.diff(sites.place, axis=0), axis=1)
     begins_sweep = np.r_[sites.standing[:-1] & ~sites.standing[1:] & (way < _STAY_TO_SWEEP), False]
     return np.asarray(sites.standing & ~begins_sweep)
@@ -130,7 +130,7 @@ def _distances_squared(offset: Floats, covariance: Floats) -> Floats:
 
 
 def _body(place: Floats, height: Floats, group: NDArray[np.intp], peak: int) -> NDArray[np.bool_]:
-    """(n,) the sites of a group, and those near its peak that are raised by half of the peak's height."""
+    """Return True (n,) for the sites of a group, and those near its peak that are raised by half of its height."""
     size = float(np.ptp(place[group], axis=0).max()) + _MARGIN
     near = np.linalg.norm(place - place[peak], axis=1) <= max(size, neighbour_reach(place))
     body = near & (height >= _HALF_HEIGHT * height[peak])

@@ -109,13 +109,14 @@ def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> fl
 
 
 def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], standing: NDArray[np.bool_]) -> Sites:
-    """Sites of the groups (n,) of estimates, as means of those that count; wider where the NIS is above 1."""
+    """Return the sites of groups (n,) of estimates, as means of those that count; wider where the NIS is above 1."""
     weight = counted.astype(float)
     total = np.bincount(groups, weight)
-    counting = total > 0
+    has_estimates = total > 0
 
     def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(groups, weight * values)[counting] / total[counting])
+        """Return the mean of values (n,) in each group that has estimates which count."""
+        return np.asarray(np.bincount(groups, weight * values)[has_estimates] / total[has_estimates])
 
     logs = np.log(path.value)
     return Sites(
@@ -150,7 +151,7 @@ def travel_directions(time: Floats, place: Floats) -> Floats:
 
 
 def _smoothed_way(path: Path2D, step: Floats) -> Floats:
-    """Way [m] along the path without the noise of the positions: of places a quarter of a second apart."""
+    """Return the way [m] along the path without the noise of positions: of places a quarter of a second apart."""
     if len(step) < 2:
         return np.zeros(len(step))
     ticks = np.arange(path.time[0], path.time[-1] + _WINDOW / 2, _WINDOW / 2)
@@ -160,13 +161,13 @@ def _smoothed_way(path: Path2D, step: Floats) -> Floats:
 
 
 def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
-    """Way (n,) [m] since the latest row at which one begins."""
+    """Return the way (n,) [m] since the latest row at which one begins."""
     first = np.maximum.accumulate(np.where(begins, np.arange(len(way)), 0))
     return np.asarray(way - way[first])
 
 
 def merge_sites(sites: Sites, width: float) -> Sites:
-    """Sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
+    """Return the sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
     groups = site_numbers(sites, width)
     count = np.bincount(groups)
 
@@ -203,7 +204,7 @@ def site_numbers(sites: Sites, width: float) -> NDArray[np.intp]:
 
 
 def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
-    """(n,) [m] position along the straight line that the sites lie on, or None where they cover an area.
+    """Return (n,) [m] along the straight line that the sites lie on, or None where they cover an area.
 
     Along the axis that the line is nearest to, in its own coordinate: a sweep along y is given in y.
     """

@@ -41,26 +41,26 @@ class FieldKernel:
     noise: float  # variance of a site besides its own
 
     def between(self, a: Floats, b: Floats) -> Floats:
-        """Covariances (n, m) of the field at places a (n, k) and b (m, k) [m]."""
+        """Return the covariances (n, m) of the field at places a (n, k) and b (m, k) [m]."""
         return self.variance * matern_3_2(distances(a, b), self.length)
 
     def factor(self, sites: Sites) -> Floats:
-        """Lower Cholesky factor (n, n) of the covariance of sites."""
+        """Return the lower Cholesky factor (n, n) of the covariance of sites."""
         return cholesky_factor(self.between(sites.place, sites.place), self.noise_of(sites))
 
     def noise_of(self, sites: Sites) -> Floats:
-        """Variance (n,) of each site about the field."""
+        """Return the variance (n,) of each site about the field."""
         return _stated_variance(sites) + self.noise + _JITTER
 
 
 def distances(a: Floats, b: Floats) -> Floats:
-    """Distances (n, m) [m] of places a (n, k) from places b (m, k)."""
+    """Return the distances (n, m) [m] of places a (n, k) from places b (m, k)."""
     squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
 def near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
-    """(m,) which nodes [m] are nearer than `apart` [m] to any of some places (n, k) [m]."""
+    """Return True (m,) for nodes [m] that are nearer than `apart` [m] to any of some places (n, k) [m]."""
     from scipy.spatial import KDTree
 
     if not len(places):
@@ -70,7 +70,7 @@ def near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
 
 
 def lengths_along(nodes: Floats, row: NDArray[np.intp]) -> Floats:
-    """(k,) [m] from the first node of a row (k,) to each: of nodes (m, 2) straight, of (m, 3) along the surface."""
+    """Return (k,) [m] from the first node of a row (k,) to each: nodes (m, 2) straight, (m, 3) along the surface."""
     if nodes.shape[1] == 2:
         return np.asarray(np.hypot(*(nodes[row] - nodes[row[0]]).T))
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes[row], axis=0), axis=1)))
@@ -91,7 +91,7 @@ def fit_kernel(
     distance, unit = distances(place, place), np.eye(len(log))
 
     def negative_likelihood(logarithms: Floats) -> tuple[float, Floats]:
-        """-log p and its gradient by the logarithms of variance, length and noise.
+        """Return -log p and its gradient by the logarithms of variance, length and noise.
 
         dK/dlog(variance) is the smooth part of K, dK/dlog(length) = variance r^2 exp(-r), r = sqrt(3) d/length.
         """
@@ -235,7 +235,7 @@ class StiffnessField:
         return float(white[0] - level * white[1])
 
     def mean(self, level: float) -> Floats:
-        """(m,) posterior mean at the nodes, about a level."""
+        """Return the posterior mean (m,) at the nodes, about a level."""
         return np.asarray(level + self._sums[0] - level * self._sums[1])
 
     @property
@@ -244,14 +244,14 @@ class StiffnessField:
         return np.asarray(np.sqrt(np.maximum(self._variance, LEAST_STD**2)))
 
     def covariance(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
-        """Posterior covariances of nodes of two index arrays."""
+        """Return the posterior covariances of nodes of two index arrays."""
         n = len(self.log)
         prior = self.kernel.between(self.nodes[rows], self.nodes[columns])
         return np.asarray(prior - self._cross[:n, rows].T @ self._cross[:n, columns])
 
 
 def _stated_variance(sites: Sites) -> Floats:
-    """Variance (n,) of each site as its estimator states it, but for a least."""
+    """Return the variance (n,) of each site as its estimator states it, but for a least."""
     return np.maximum(sites.std, LEAST_STD) ** 2
 
 

@@ -55,7 +55,7 @@ def arc_warning(length: float, reach: float) -> str | None:
 
 
 def sites_on(sites: Sites, surface: Surface) -> Sites:
-    """Sites at their places (n, 3) on a surface; raises ConfigurationError where it is not known below one."""
+    """Return sites at their places (n, 3) on a surface; raises ConfigurationError where it is unknown below one."""
     return replace(sites, place=surface_points(surface, sites.place).position)
 
 
@@ -91,13 +91,13 @@ def make_surface_map(
 
 
 def _reach(curvature: Floats) -> float:
-    """Distance [m] up to which straight distances hold on a surface of principal curvatures (n, 2) [1/m]."""
+    """Return the distance [m] up to which straight distances hold on a surface of curvatures (n, 2) [1/m]."""
     sharpest = float(curvature.max())
     return ARC / sharpest if sharpest > 0 else np.inf
 
 
 def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.int64]:
-    """(m, 3) two triangles of each cell whose four corners are among the rows of a grid (lines, columns)."""
+    """Return two triangles (m, 3) of each cell with four corners among the rows of a grid (lines, columns)."""
     number = np.full(lines * columns, -1)
     number[rows] = np.arange(len(rows))
     grid = number.reshape(lines, columns)
@@ -108,7 +108,7 @@ def _triangles(rows: NDArray[np.int64], columns: int, lines: int) -> NDArray[np.
 
 
 def surface_map_csv(surface_map: MapOnSurface) -> str:
-    """One row for each vertex: x, y, z, value, standard deviation, p-value, stiffer than the baseline."""
+    """Return one row for each vertex: x, y, z, value, standard deviation, p-value, stiffer than the baseline."""
     drawn_map = surface_map.map
     rows = [f"x_m,y_m,z_m,{drawn_map.parameter},{drawn_map.parameter}_std,p,stiff"]
     numbers = drawn_map.value, drawn_map.std, drawn_map.p, surface_map.stiff

@@ -67,6 +67,7 @@ def response_of(pipeline: Pipeline, samples: Samples, parameter: str) -> TrackRe
     shape = np.exp(-0.5 * (distances(samples.lateral, middles) / SIGMA) ** 2)
     shape = np.where(np.isfinite(shape), shape, 0.0).sum(axis=1)
     names = [unknown.name for unknown in pipeline.tracks[0].model.parameters]
+    # Estimates without and with the lumps.
     values = []
     for height in (0.0, _CONTRAST):
         (running,) = start_tracks(pipeline)

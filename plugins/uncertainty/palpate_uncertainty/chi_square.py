@@ -6,7 +6,7 @@ import math
 
 
 def chance_of_more(freedom: int, value: float) -> float:
-    """Probability that a chi-square of whole degrees of freedom is more than a value.
+    """Return the probability that a chi-square of whole degrees of freedom is more than a value.
 
     Q(k/2, x/2) as a finite sum (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5).
     """

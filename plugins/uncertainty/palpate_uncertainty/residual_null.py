@@ -34,7 +34,7 @@ class ResidualNull:
     stated: Floats = field(default_factory=lambda: np.zeros((1, 0)))  # (n, s) [N] one u of each stated quantity
 
     def covariance(self, weights: Floats) -> Floats:
-        """(m, m) [N^2] of the sums of weights (n, m) times the residual."""
+        """Return the covariance (m, m) [N^2] of the sums of weights (n, m) times the residual."""
         columns = weights.T
         if len(self.force.coefficients):
             n = transform_points(len(weights))
@@ -51,7 +51,7 @@ class ResidualNull:
         return np.asarray(covariance)
 
     def _motion_covariance(self, columns: Floats) -> Floats:
-        """(m, m) [N^2] of sums with the weights (m, n) by the noise of heights and speeds.
+        """Return the covariance (m, m) [N^2] of sums with weights (m, n) by the noise of heights and speeds.
 
         A height acts by the depth on its own sample, and by the rate on as many as its kernel has. Sums over a kernel
         vary slowly: of a long record they follow from the weights of blocks of a quarter of a kernel.
@@ -66,7 +66,7 @@ class ResidualNull:
         return covariance + self.height**2 * (by_depth @ by_depth.T) - blocks.height**2 * (of_blocks @ of_blocks.T)
 
     def _weights_of_readings(self, columns: Floats) -> tuple[Floats, Floats]:
-        """Weights (m, n) of the heights [N/m] and of the speeds [N s/m] in sums with the weights (m, n)."""
+        """Return weights (m, n) of heights [N/m] and speeds [N s/m] in sums with the weights (m, n)."""
         rate = columns * self.by_rate
         of_heights = columns * self.by_depth + _back(rate, self.kernels[0])
         if self.mass:
@@ -79,7 +79,7 @@ class ResidualNull:
         return of_heights, of_speeds
 
     def _covariance_by(self, of_heights: Floats, of_speeds: Floats) -> Floats:
-        """(m, m) [N^2] of sums with weights (m, n) of heights and of speeds."""
+        """Return the covariance (m, m) [N^2] of sums with weights (m, n) of heights and of speeds."""
         return np.asarray(self.height**2 * (of_heights @ of_heights.T) + self.speed**2 * (of_speeds @ of_speeds.T))
 
     @property
@@ -108,7 +108,7 @@ class ResidualNull:
 
 
 def motion_noise(track: TrackEvidence) -> tuple[float, float, tuple[Floats, Floats, Floats, Floats]]:
-    """Noise of the height [m] and of a channel of speed [m/s], and the kernels by which a fit derives from them."""
+    """Return noise of height [m] and of a speed channel [m/s], and the kernels by which a fit derives from them."""
     kept = track.kept
     step = float(np.median(np.diff(kept.time)))
     height, speed = noise_of(kept.position, kept.time), noise_of(kept.velocity, kept.time)
@@ -153,7 +153,7 @@ def transform_points(count: int) -> int:
 
 
 def _back(weights: Floats, kernel: Floats) -> Floats:
-    """Weights (m, n) of readings from those of their convolution with a kernel."""
+    """Return the weights (m, n) of readings from those of their convolution with a kernel."""
     # One row behind the other, with zeros between, so that one convolution is for all.
     rows, count = weights.shape
     apart = np.zeros((rows, count + len(kernel) - 1))

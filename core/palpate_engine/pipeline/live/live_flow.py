@@ -72,7 +72,7 @@ def run_live(flow: Flow) -> None:
 
 
 def _pass_states(flow: Flow, live: LiveRun, facts: LiveFacts) -> None:
-    """Standstill, ready, moving; until the arms are done or something stops the run."""
+    """Stand still, get ready and move, until the arms are done or something stops the run."""
     facts.standstill = stand_still(live, flow.noise)
     if facts.standstill is None:
         return

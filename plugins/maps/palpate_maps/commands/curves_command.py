@@ -61,7 +61,7 @@ def curves_of(
 
 
 def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple[Any, Sites]:
-    """Coordinate and sites of point palpations; a pipeline file is run first, into ``points`` in a folder.
+    """Return coordinate and sites of point palpations; run a pipeline file first, into ``points`` in a folder.
 
     Raises LogError where they are on no line.
     """
@@ -158,7 +158,7 @@ def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, u
 
 
 def _distance(curve: TrackCurve, points: tuple[Any, Sites]) -> float:
-    """Root mean square difference [SI] of a curve from points on it; NaN where none is."""
+    """Return the root mean square difference [SI] of a curve from points on it; NaN without any."""
     import numpy as np
 
     moving = ~curve.sites.standing
@@ -184,7 +184,7 @@ def drop_rejected(runs: list[Path]) -> list[Path]:
 
 
 def unit_of(run: Path, track: str, parameter: str) -> str:
-    """SI unit of a track's parameter; empty if the run's pipeline cannot be read or has no such parameter."""
+    """Return the SI unit of a track's parameter; empty if the pipeline cannot be read or has no such parameter."""
     from palpate_kit.runs.continuation import recorded_pipeline
 
     with suppress(PalpateError):

@@ -159,7 +159,7 @@ Site = tuple[tuple[float, float] | Path, float]  # where, or the run where that 
 
 
 def sites_of(runs: list[Path], track: str | None, parameter: str | None) -> list[Site]:
-    """Every palpation at rest of some runs: its place [m] and value; a run without places is one site of its own."""
+    """Return each palpation at rest of runs, its place [m] and value; a run without places is one site."""
     from palpate_maps import map_analysis as maps
 
     palpations: list[Site] = []
@@ -188,7 +188,7 @@ def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
 
 
 def by_place(sites: list[Site]) -> Floats:
-    """One value for each place, the geometric mean of its repeats: repeats at one place are one site."""
+    """Return one value for each place, the geometric mean of its repeats: repeats at one place are one site."""
     import numpy as np
 
     places: list[tuple[tuple[float, float] | Path, list[float]]] = []

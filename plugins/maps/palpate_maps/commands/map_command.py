@@ -286,7 +286,7 @@ def _on_surface(output: _MapOutput, surface: Surface, cell: float) -> Written:
 
 
 def outlines_of(run: Path) -> list[Any]:
-    """Outlines of what a simulated rig hides; none where the run's pipeline cannot be read again."""
+    """Return the outlines of what a simulated rig hides; none where the pipeline cannot be read again."""
     from palpate_kit.runs.continuation import recorded_pipeline
 
     try:

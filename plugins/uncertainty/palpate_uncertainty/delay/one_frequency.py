@@ -50,7 +50,7 @@ def one_frequency_text(track: TrackEvidence) -> str:
 
 
 def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
-    """Frequency [Hz], time [s] of what fades, and its size in each viscosity; empty where the motion is not of one.
+    """Return frequency [Hz], time [s] of what fades, and its size in each viscosity; empty for other motions.
 
     delta = d(theta)/d(delay) g/(2 w): the shift by a delay, of the delay that a fading part g looks like at most.
     """
