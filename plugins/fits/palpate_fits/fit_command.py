@@ -133,7 +133,7 @@ def _fit(request: FitRequest) -> None:
 
 
 def _stated_tip(request: FitRequest) -> StatedFacts | None:
-    """Return the facts of files without a pipeline, the tip request for; None for others, or where nobody answers."""
+    """Return the facts of files without a pipeline, the tip asked of a person; None without it, and for others."""
     stated = stated_facts(request.sources, request.overrides, tip=request.tip, model=request.model)
     sources = request.sources
     if stated.facts.tip is None and all(source.exists() for source in sources) and not any(map(_has_run, sources)):

@@ -237,7 +237,7 @@ class AreaSearch:
         return nodes[likely[passes(knowledge.known, nodes[likely], _SITE_WIDTH) < CHECKS]]
 
     def _unclear(self, knowledge: Knowledge, places: Floats) -> Floats:
-        """(m,) p (1 - p) of nodes about some places (n, k) [m], p the probability of a contrast above the threshold."""
+        """Return p (1 - p) (m,) of nodes about places (n, k) [m], p the probability of a contrast over the limit."""
         _, _, above = knowledge.expectation(self.settings.contrast)
         return np.asarray(np.where(near(knowledge.field.nodes, places, _ABOUT_LUMP), above * (1 - above), 0.0))
 
