@@ -42,9 +42,9 @@ def residual_of_hum(time: Floats, basis: Floats, residual: Floats, interval: flo
     for _ in range(1 + _FINE_LEVELS):
         frequencies = np.linspace(low, high, count)
         costs = _wave_costs(time, basis, residual, frequencies)
-        least = int(np.argmin(costs))
-        cost = min(cost, float(costs[least]))
-        low, high = float(frequencies[max(least - 1, 0)]), float(frequencies[min(least + 1, count - 1)])
+        best_row = int(np.argmin(costs))
+        cost = min(cost, float(costs[best_row]))
+        low, high = float(frequencies[max(best_row - 1, 0)]), float(frequencies[min(best_row + 1, count - 1)])
         count = _FINE_GRID
     return cost
 

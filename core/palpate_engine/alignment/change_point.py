@@ -97,10 +97,10 @@ def _best_height(z: Floats, centred: Floats, constant_cost: float) -> tuple[floa
         below = z < high
         z, centred = z[below], centred[below]
         costs = _costs(z, centred, count, constant_cost, heights)
-        least = int(np.argmin(costs))
-        best = min(best, (float(costs[least]), float(heights[least])))  # pairs: of equal costs the lower height
+        best_row = int(np.argmin(costs))
+        best = min(best, (float(costs[best_row]), float(heights[best_row])))  # pairs: of equal costs the lower height
         # The next grid spans the steps on both sides of the least.
-        low, high = float(heights[max(least - 1, 0)]), float(heights[min(least + 1, _GRID_SIZE - 1)])
+        low, high = float(heights[max(best_row - 1, 0)]), float(heights[min(best_row + 1, _GRID_SIZE - 1)])
     return best
 
 

@@ -133,10 +133,10 @@ def _best_surface(height: Floats, basis: Floats, air_residual: Floats) -> tuple[
         product = shape @ air_residual
         is_positive = (square > _MIN_SHAPE_SHARE * shape_square) & (product > 0.0)
         gains = np.where(is_positive, product**2 / np.where(is_positive, square, 1.0), 0.0)
-        most = int(np.argmax(gains))
-        if gains[most] > best[0]:
-            best = float(gains[most]), float(surfaces[most]), float(product[most] / square[most])
-        low, high = float(surfaces[max(most - 1, 0)]), float(surfaces[min(most + 1, _GRID_SIZE - 1)])
+        best_row = int(np.argmax(gains))
+        if gains[best_row] > best[0]:
+            best = float(gains[best_row]), float(surfaces[best_row]), float(product[best_row] / square[best_row])
+        low, high = float(surfaces[max(best_row - 1, 0)]), float(surfaces[min(best_row + 1, _GRID_SIZE - 1)])
     return best
 
 

@@ -187,22 +187,22 @@ def epilog(call: CommandCall) -> str | None:
 def is_hidden(call: CommandCall, names: Sequence[str]) -> bool:
     """Return True if the help of a command leaves a parameter of such names out; arguments are always shown."""
     first = call.command.first_options if call.command is not None else ()
-    every = any(word in _HELP and following == "all" for word, following in pairwise(call.arguments))
-    return bool(first) and not every and names[0].startswith("-") and not set(names) & {*first, *_HELP}
+    asks_for_all = any(argument in _HELP and following == "all" for argument, following in pairwise(call.arguments))
+    return bool(first) and not asks_for_all and names[0].startswith("-") and not set(names) & {*first, *_HELP}
 
 
 def demand_no_former_option(call: CommandCall) -> None:
     """Raise ConfigurationError for an option that other words have replaced."""
     former = call.command.former_options if call.command is not None else {}
-    for word in call.arguments:
-        if word in former:
-            raise ConfigurationError(f"{word}: palpate {call.name} {word} is {former[word]} now")
+    for argument in call.arguments:
+        if argument in former:
+            raise ConfigurationError(f"{argument}: palpate {call.name} {argument} is {former[argument]} now")
 
 
 def _line(name: str, registry: Registry) -> str:
     below = registry.subcommands(name)
     if name not in registry.commands:
-        return " ".join(f"{word}: {command.help}" for word, command in below.items())
+        return " ".join(f"{subcommand}: {command.help}" for subcommand, command in below.items())
     also = f" Also: {', '.join(below)}." if below else ""
     return registry.commands[name].help + also
 

@@ -331,8 +331,8 @@ def _tare(text: Any) -> dict[str, Any]:
 
 def _tables(tables: Mapping[str, Any], kind: str) -> dict[str, Any]:
     """Return the tables of a kind by name; none where the file has something else in their place."""
-    found = tables.get(kind, {})
-    return found if isinstance(found, dict) else {}
+    tables_of_kind = tables.get(kind, {})
+    return tables_of_kind if isinstance(tables_of_kind, dict) else {}
 
 
 def _tips(models: Mapping[str, Mapping[str, Any]], registry: Registry) -> Iterator[Location]:

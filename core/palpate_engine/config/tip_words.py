@@ -88,12 +88,12 @@ def _values_by_key(tokens: Sequence[str], keys: Sequence[str], label: str) -> di
     return values
 
 
-def kind_in_words(word: str, known: Registry) -> str:
+def kind_in_words(word: str, registry: Registry) -> str:
     """Return the type of a tip by the word that it states of itself, else the word as the name of its type.
 
     The word of a third party's tip counts where no other tip has it as its word or its name.
     """
-    tips = known.parts["indenter"]
+    tips = registry.parts["indenter"]
     kinds = [
         kind for kind, entry in tips.items() if entry.problem is None and getattr(entry.part, "word", "") == word != ""
     ]
@@ -121,9 +121,9 @@ def is_same_tip(one: Mapping[str, Any], other: Mapping[str, Any], known: Registr
     return one == other or (sizes[0] == sizes[1] and is_ball(one, known) and is_ball(other, known))
 
 
-def is_ball(table: Mapping[str, Any], known: Registry) -> bool:
+def is_ball(table: Mapping[str, Any], registry: Registry) -> bool:
     """Return True if the table of a tip names one of the laws of a sphere, its paraboloid included."""
-    entry = known.parts["indenter"].get(str(table.get("type")))
+    entry = registry.parts["indenter"].get(str(table.get("type")))
     if entry is None or entry.problem is not None or "radius" not in entry.part.model_fields:
         return False
     return getattr(entry.part, "sphere_radius", None) is not Indenter.sphere_radius

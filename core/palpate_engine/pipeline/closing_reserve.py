@@ -46,9 +46,9 @@ class ClosingReserve:
 
 
 @contextmanager
-def closing_reserve(folder: Path, wanted: bool) -> Iterator[ClosingReserve]:
+def closing_reserve(folder: Path, is_live: bool) -> Iterator[ClosingReserve]:
     """Yield the reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
-    if not wanted:
+    if not is_live:
         yield ClosingReserve(None)
         return
     file = None

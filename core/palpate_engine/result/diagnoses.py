@@ -173,9 +173,9 @@ def _with_uncertain_values(result: TrackResult, model: ContactModel, cause: str,
     return replace(result, parameters=parameters, derived=derived)
 
 
-def _open_facts(conditions: Sequence[Condition], known: frozenset[str]) -> tuple[Condition, ...]:
+def _open_facts(conditions: Sequence[Condition], measured_facts: frozenset[str]) -> tuple[Condition, ...]:
     """Return the conditions without facts that a record measures, one of each fact."""
-    return joined([condition for condition in conditions if condition.fact not in known])
+    return joined([condition for condition in conditions if condition.fact not in measured_facts])
 
 
 def _with_derived_shifts(

@@ -66,9 +66,9 @@ def _shared_counts(streams: Mapping[str, Health], fault: str) -> Iterator[str]:
     for name, health in streams.items():
         if count := getattr(health, fault):
             names.setdefault((name.partition(".")[0], count), []).append(name)
-    for (device, count), (first, *others) in names.items():
-        shared = [first, *(name.removeprefix(f"{device}.") for name in others)]
-        yield f"{', '.join(shared[:-1])} and {shared[-1]} have {count}" if others else f"{first} has {count}"
+    for (device, count), (first, *further_names) in names.items():
+        shared = [first, *(name.removeprefix(f"{device}.") for name in further_names)]
+        yield f"{', '.join(shared[:-1])} and {shared[-1]} have {count}" if further_names else f"{first} has {count}"
 
 
 def _rate_flags(name: str, health: Health) -> Iterator[Flag]:

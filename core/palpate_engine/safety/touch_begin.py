@@ -68,9 +68,9 @@ def touch_outlier_text(touches: Sequence[TouchSlope]) -> str | None:
     )
     texts = []
     for number, touch in enumerate(touches):
-        others = [*touches[:number], *touches[number + 1 :]]
-        slope, scatter = _mean_and_scatter([other.slope for other in others])
-        shape, spread = _mean_and_scatter([other.shape for other in others])
+        other_touches = [*touches[:number], *touches[number + 1 :]]
+        slope, scatter = _mean_and_scatter([other.slope for other in other_touches])
+        shape, spread = _mean_and_scatter([other.shape for other in other_touches])
         place = ", ".join(f"{1e3 * x:.1f}" for x in touch.place[:2])
         if abs(touch.slope - slope) > factor * scatter:
             difference = f"{1e-3 * touch.slope:.2f} N/mm in place of {1e-3 * slope:.2f}"

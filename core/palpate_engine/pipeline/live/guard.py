@@ -117,8 +117,8 @@ class Guard:
     @property
     def error(self) -> DeviceError:
         """Error with which the run ends."""
-        kind = DeviceError if self.stop.calls_for_stop is None else UnstoppedArmError
-        return kind(self.account)
+        error_class = DeviceError if self.stop.calls_for_stop is None else UnstoppedArmError
+        return error_class(self.account)
 
     def _ended_early(self, device: str) -> None:
         """Stop the arms where a stream has ended that a safety check needs, or that of an arm before its motion."""

@@ -52,8 +52,8 @@ class HostWatch:
         while not self._over.wait(_LOOK_EVERY):
             if self._limit is None:
                 continue
-            for device, looked in list(self._looked.items()):
-                if (late := clock().now() - looked) > self._limit:
+            for device, last_look in list(self._looked.items()):
+                if (late := clock().now() - last_look) > self._limit:
                     cause = clock().late_computer() or "; is the computer too busy?"
                     self._trip(
                         f"this program was held up: it has not come to look at {device} for {1e3 * late:.0f} ms, more "
