@@ -121,9 +121,9 @@ def is_same_tip(one: Mapping[str, Any], other: Mapping[str, Any], known: Registr
     return one == other or (sizes[0] == sizes[1] and is_ball(one, known) and is_ball(other, known))
 
 
-def is_ball(table: Mapping[str, Any], registry: Registry) -> bool:
+def is_ball(table: Mapping[str, Any], known: Registry) -> bool:
     """Return True if the table of a tip names one of the laws of a sphere, its paraboloid included."""
-    entry = registry.parts["indenter"].get(str(table.get("type")))
+    entry = known.parts["indenter"].get(str(table.get("type")))
     if entry is None or entry.problem is not None or "radius" not in entry.part.model_fields:
         return False
     return getattr(entry.part, "sphere_radius", None) is not Indenter.sphere_radius
