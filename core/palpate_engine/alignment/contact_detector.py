@@ -120,9 +120,9 @@ class ContactDetector:
 
         A record that ends without a touch is air. Where its noise cannot decide, the threshold does.
         """
-        none = self._waiting[-1][:0]
+        no_samples = self._waiting[-1][:0]
         if not final and sum(map(len, self._waiting)) < max(search.due, FIRST_READINGS):
-            return none
+            return no_samples
         samples = Samples.joined(self._waiting)
         self._waiting = [samples]
         noise_decides = decides(samples)
@@ -130,7 +130,8 @@ class ContactDetector:
         if touch is not None and tare is not None:
             return self._mark_record(samples, touch, tare)
         if touch is None and noise_decides and not final:
-            return none
+            return no_samples
+        # The search has ended without a touch that has air before it: all is air, or the threshold decides.
         self._search, self._waiting = None, []
         if touch is None and noise_decides and search.is_air(samples):
             tare = record_tare(self._settings, samples, resolution(samples.force)) or Tare(0.0, None, None)

@@ -92,6 +92,7 @@ class ToolFrame:
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))
         x, y, z = (f - w for f, w in zip(reading, weight, strict=True))
         along = normal or self._normal
+        # Without a normal the force is along the axis of the sensor that is read.
         if along is None:
             force_axes = (x, y, z)
             lateral_axes = [force_axes[i] for i in range(3) if i != self._axis]
@@ -103,6 +104,7 @@ class ToolFrame:
                 weight=weight,
                 weight_along=axes * weight[self._axis],
             )
+        # Along the normal and two axes across it, in the sensor's frame.
         out = self._in_sensor(rows, along)
         first, second = (self._in_sensor(rows, side) for side in _sides(along))
         force = (x, y, z)

@@ -66,9 +66,11 @@ class ToolWatch:
         air, contact = self._air, self._contact
         if not air.count and not contact.count:
             return None
+        # Means in contact and in air, each in place of the other where it has no samples.
         contact_mean, air_mean = (contact if contact.count else air).mean, (air if air.count else contact).mean
         spread, disagreement, std = air.disagreement() if air.count >= _MIN_SAMPLES else (0.0, None, 0.0)
         turn, weight = float(np.linalg.norm(contact_mean[_WEIGHT] - air_mean[_WEIGHT])), float(contact_mean[_ALONG])
+        # Drift over the stays of the tip, curvature below it, and the tilt that a share of the samples does not exceed.
         slope = self._stays.slope if contact.count >= _MIN_SAMPLES else 0.0
         curvature, deviation = contact.mean[_CURVATURE].tolist() if contact.count else (0.0, 0.0)
         tilt = int(np.searchsorted(np.cumsum(self._tilts), _TILT_QUANTILE * self._tilts.sum())) / _PER_RADIAN

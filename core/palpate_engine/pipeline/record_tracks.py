@@ -116,6 +116,7 @@ def _read(
             estimates.setdefault(track, []).append(block)
         return Progress(aligner.reached, 0.0)
 
+    # From the devices of the pipeline, or from batches that are given; then what waits at the end.
     if batches is None:
         run_flow(Flow(pipeline, take, Interrupt()))
     else:

@@ -40,6 +40,7 @@ class Keeper:
             return
         measured = (samples.time, samples.force, samples.position, samples.velocity, *samples.lateral.T)
         columns = (*measured, used, estimates.surface, estimates.innovation)
+        # Block by block: of all blocks every `stride`-th is kept.
         while len(rows):
             number, place = divmod(self._count, _BLOCK_SIZE)
             batch, rows = rows[: _BLOCK_SIZE - place], rows[_BLOCK_SIZE - place :]
@@ -80,6 +81,7 @@ class Keeper:
     @property
     def kept(self) -> SampleStore:
         """Samples in contact that are kept so far."""
+        # The last block may be unfinished.
         lengths = {number: min(self._count - number * _BLOCK_SIZE, _BLOCK_SIZE) for number in sorted(self._blocks)}
         pieces = [self._blocks[number][:, :length] for number, length in lengths.items()]
         table = np.concatenate(pieces, axis=1) if pieces else np.zeros((len(_COLUMNS), 0))

@@ -111,6 +111,7 @@ class ComparisonRecord:
                 nis_band=nis_band(nis_count),
                 settling_times={},
             )
+        # The contact force, against the model's at the estimate of the sample before.
         estimates = np.concatenate(self._estimates)
         measured = samples.force + tip_mass * acceleration(samples.time, samples.velocity)
         rows = _predictable_rows(samples, measured)

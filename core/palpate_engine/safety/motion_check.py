@@ -78,6 +78,7 @@ class _Stretch:
     @classmethod
     def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings, surface: Surface | None) -> _Stretch:
         """Return the extremes of a stretch of setpoints at times (n,) [s], over a surface if one is given."""
+        # The velocity that the positions have, in addition to the stated one.
         moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
         normal, depth = np.broadcast_to(np.array([0.0, 0.0, 1.0]), setpoint.position.shape), 0.0
         height = setpoint.position[:, 2]
@@ -92,6 +93,7 @@ class _Stretch:
         return cls(
             times=(float(times[0]), float(times[-1])),
             reach=Reach.of(times, setpoint),
+            # Into the skin: by the stated velocity, and by the positions along the normals at both ends of a step.
             inward=max(
                 float((-(speed * out).sum(axis=1)).max(initial=0.0))
                 for speed, out in ((setpoint.velocity, normal), (moved, normal[1:]), (moved, normal[:-1]))

@@ -141,10 +141,12 @@ def inertial_tracker(
         cap = (fading.covariance_cap * start.std) ** 2
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
+        """Return the settings of the step, with the noises that were measured in place of the stated ones."""
         noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
         return np.array([*noise, *fade, *cap, *start.mean, *start.std])
 
     def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
+        """Return the state of a stretch, and whether it resumes the last one; see `Recursion.begin`."""
         needs_fit = settings.start_from == "fit" and carry.state is None
         fitted = _fit_first_state(process, start, first) if needs_fit else start
         if fitted is None and patient and fittable(process.model):

@@ -126,11 +126,13 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
     """
     import casadi as ca
 
+    # The symbols of state, settings and sample.
     symbols, settings = _state_symbols(process), _tuning_symbols(process)
     before = replace(symbols, covariance=mirror(symbols.covariance))
     sample = ca.SX.sym("w", 3)
     now = Sample(*ca.vertsplit(sample))
 
+    # The five parts of a step, in the order of the equations above.
     predicted, factor = predict(process, prediction, before, now, settings), before.factor
     if fading:
         predicted, factor = fade(process, predicted, factor, sample=now, tuning=settings, signed=signed)

@@ -144,15 +144,16 @@ class BodyFit:
 def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sigmas: float = np.inf) -> BodyFit:
     """Return the least-squares fit of a level and bodies to the sites' logarithms, from the bodies given.
 
-    A body moves by 10 mm at most, and by so many of its sigmas.
+    A body moves by 10 mm at most, and by `shift_sigmas` of its sigmas; `floor` is the least noise of a logarithm.
 
     The residuals are those of the sites, over a noise that they determine, and of the logarithms of widths and of
     contrasts about their starts, over the spread of their prior. Covariance: (J'J)^-1 with the prior's rows in J.
     """
     starts = tuple(bodies)
+    # Unknowns and their bounds: the level, then of each body its shift, contrast and log sigma.
     low, high, begin = [-np.inf], [np.inf], [_level(field, starts)]
     for body in starts:
-        shift = body.size - 2
+        shift = body.size - 2  # coordinates of the shift
         farthest = min(_MAX_SHIFT, shift_sigmas * body.sigma)
         low += [-farthest] * shift + [_MIN_CONTRAST, np.log(_MIN_SIGMA)]
         high += [farthest] * shift + [_MAX_CONTRAST, np.log(_MAX_SIGMA)]
@@ -161,6 +162,7 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
     residual: Floats = np.zeros(0)
     widths = np.cumsum([body.size for body in starts], dtype=int)
     system = _Equations(field, starts, widths)
+    # Fit and noise in turn, until the noise stays.
     for _ in range(_NOISE_ROUNDS if starts else 1):
         normal = partial(system.normal, noise=noise)
         unknowns = least_squares(normal, unknowns, np.array(low), np.array(high), gain=_GAIN).x

@@ -98,6 +98,7 @@ def lump_of_peak(curve: LineCurve, peak: Peak, settings: LumpSettings, p: float)
 
     The sites are those of the curve's width about it, up to a width of the peak beyond its flanks.
     """
+    # A body on the sites about the peak, whose covariance is that of place, contrast and width.
     width = settings.width
     coarse, number = merge_sites(curve.sites, width), site_numbers(curve.sites, width)
     field = SiteField(curve.along[:, None], number, coarse.log)
@@ -105,7 +106,7 @@ def lump_of_peak(curve: LineCurve, peak: Peak, settings: LumpSettings, p: float)
     start = Body.at(np.array([peak.middle]), float(np.expm1(peak.height)), np.eye(1), peak.extent / FWHM)
     fit = fit_bodies(field.chosen(window), [start], float(np.median(curve.noise)))
     place_variance, _, width_variance = np.diag(fit.covariance)[1:].tolist()
-    along = curve.direction * float(np.sqrt(place_variance))
+    place_std = curve.direction * float(np.sqrt(place_variance))
     contrast, width_std = float(np.expm1(peak.height)), float(np.sqrt(width_variance))
     return Lump(
         curve.place(peak.middle),
@@ -114,7 +115,7 @@ def lump_of_peak(curve: LineCurve, peak: Peak, settings: LumpSettings, p: float)
         contrast_std=(1 + contrast) * peak.std,
         p=p,
         along=peak.middle,
-        place_std=(float(abs(along[0])), float(abs(along[1]))),
+        place_std=(float(abs(place_std[0])), float(abs(place_std[1]))),
         width_std=width_std,
         size=own_size(fit.bodies, width_std, settings.contact_radius),
     )

@@ -67,11 +67,13 @@ def make_map(
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
+    # Mean and standard deviation of the logarithm at each node, from sites that are merged where they are dense.
     used = merge_sites(sites, max(pitch / MERGED, MERGE_DISTANCE))
     if method == "gaussian-process":
         mean, std, length = interpolated(used, nodes, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
     else:
         mean, std, length = _average(used, nodes, _AVERAGED * pitch)
+    # Covered cells have a value, and p-values against the baseline.
     shape = len(y), len(x)
     distance = nearest_distance(sites.place, nodes)
     covered = (distance <= COVERED * pitch).reshape(shape)

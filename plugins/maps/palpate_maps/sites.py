@@ -172,8 +172,10 @@ def merge_sites(sites: Sites, width: float) -> Sites:
     count = np.bincount(groups)
 
     def mean(values: Floats) -> Floats:
+        """Return the mean of values (n,) in each group."""
         return np.asarray(np.bincount(groups, values) / count)
 
+    # Neighbours share their errors: the variance is the mean one, and not over their number.
     place = np.column_stack([mean(axis) for axis in sites.place.T])
     std = np.sqrt(mean(sites.std**2))
     standing = mean(sites.standing.astype(float)) > 0.5

@@ -159,6 +159,7 @@ def possible(track: TrackEvidence) -> bool:
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     """Return the course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
     kept, motion = track.kept, _motion(track.kept)
+    # The contact force: without the tip's inertia, and the zero that a record without air has as an unknown.
     zero = zero_without_air(track)
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(motion.acceleration) - (zero.value if zero else 0.0)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)

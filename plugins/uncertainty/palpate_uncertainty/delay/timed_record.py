@@ -112,6 +112,7 @@ class TimedRecord:
             below = force(surface - surface_step, delay - delay_step, nonlinear - nonlinear_step)
             return (above - below) / width
 
+        # The force is linear in the weights; all other slopes are by differences.
         no_step = np.zeros(len(nonlinear))
         columns = list(law.columns(self.late(delay), surface, nonlinear)[self.rows].T)
         columns.append(slope(SURFACE_STEP, 0.0, no_step, 2 * SURFACE_STEP))
