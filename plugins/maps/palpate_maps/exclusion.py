@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_maps.baseline_sites import Baseline
@@ -22,6 +23,7 @@ PLACES = 0.95  # share of these places
 _MAX_PLACES = 400  # of virtual lumps, over the area
 _INVERSE_PLASTIC, _INVERSE_PLASTIC_SQUARE = 0.7548776662466927, 0.5698402909980532  # 1/g and 1/g^2, g^3 = g + 1
 _BISECTIONS = 18  # of the logarithm of a contrast, between the bounds
+_LEAST_SHAPE = 1e-6  # of a height: a lump of contrast 100 raises such a site by 1e-4, a fiftieth of the least spread
 _TINY = 1e-12  # [m] least length of a step between sites
 _LOW, _HIGH = np.log(1e-3), np.log(MAX_CONTRAST)  # of a contrast
 
@@ -104,21 +106,32 @@ def _contrasts(shape: Floats, baseline: Baseline, settings: LumpSettings) -> Flo
     from scipy import stats
     from scipy.special import log_ndtr
 
-    k, count = baseline.count, len(shape)
+    # Most sites are far from a place: they count as what no lump raises, once for all of them.
+    sites, places = np.nonzero(shape > _LEAST_SHAPE)
+    near_shape, count, place_count = shape[sites, places], len(shape), shape.shape[1]
+
+    def total(terms: Floats | NDArray[np.bool_]) -> Floats:
+        """Return the sum (m,) of the terms of each place's near sites."""
+        return np.asarray(np.bincount(places, terms, place_count), float)
+
+    far_count = count - total(np.ones(len(places)))
+    k = baseline.count
     sizes = float(stats.t.isf(settings.rate / count, k - 1)) * np.sqrt(1 + 1 / k)
     reported = float(np.log1p(settings.contrast))
     own_limit = max(reported, sizes * baseline.spread)
-    low, high = np.full(shape.shape[1], _LOW), np.full(shape.shape[1], _HIGH)
+    low, high = np.full(place_count, _LOW), np.full(place_count, _HIGH)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        rise = np.log1p(np.exp(middle) * shape)
+        rise = np.log1p(np.exp(middle)[places] * near_shape)
         # Sites below the limit without the lump pass for background.
-        passing = np.where(rise < own_limit, rise, 0.0)
-        passing_count = np.maximum((rise < own_limit).sum(axis=0), 1)
-        shift = passing.sum(axis=0) / passing_count
-        variance = np.maximum((passing**2).sum(axis=0) / passing_count - shift**2, 0.0)
+        is_passing = rise < own_limit
+        passing = np.where(is_passing, rise, 0.0)
+        passing_count = np.maximum(far_count + total(is_passing), 1)
+        shift = total(passing) / passing_count
+        variance = np.maximum(total(passing**2) / passing_count - shift**2, 0.0)
         limit = np.maximum(reported, sizes * np.sqrt(baseline.spread**2 + variance)) + shift
-        missed = np.exp(log_ndtr((limit - rise) / baseline.spread).sum(axis=0))
+        log_missed = total(log_ndtr((limit[places] - rise) / baseline.spread))
+        missed = np.exp(log_missed + far_count * log_ndtr(limit / baseline.spread))
         is_found = missed <= 1 - EXCLUDED_PROBABILITY
         low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
     return np.where(high < _HIGH, np.exp(high), np.inf)

@@ -77,7 +77,7 @@ def hiding_picture(
     # The scale goes up to what was expected beforehand, at least: a cleared area is dark.
     area = np.isfinite(field).mean() * (extent[1] - extent[0]) * (extent[3] - extent[2]) / _SQUARE_CENTIMETRE
     prior = 100 * EXPECTED / area
-    highest = max(min(prior, 100.0), float(np.nanmax(field)))
+    highest = max(min(prior, _MAX_DENSITY), float(np.nanmax(field)))
     image = axis.imshow(field, origin="lower", extent=extent, cmap="magma", aspect="equal", vmin=0.0, vmax=highest)
 
     # The figure is as wide as the area and its colour scale, and the curve of what is excluded.
