@@ -89,8 +89,8 @@ def hiding_picture(
         draw_exclusion(axes[0, 1], excluded)
 
     is_tilted = hiding.middles.shape[1] > 2
-    view = " seen from above" if is_tilted else ""
-    scale_label = f"patches expected [% per cm²{view}]\n{prior:.2g} beforehand"
+    view = "seen from above; " if is_tilted else ""
+    scale_label = f"patches expected [% per cm²]\n{view}{prior:.2g} beforehand"
     figure.colorbar(image, ax=axis, shrink=0.8, label=scale_label)
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
