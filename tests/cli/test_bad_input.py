@@ -124,7 +124,7 @@ def test_a_log_with_nan_runs_and_says_so(palpate, replay):
     lines[310] = "-4.31,,2.31"
     done = palpate("run", replay("\n".join(lines) + "\n"), "--out", "out")
     assert done.returncode == 0
-    assert "note[gaps] log has 2 x invalid readings" in done.stdout.replace("\n", " ")
+    assert "note[gaps] log has 2 invalid readings" in done.stdout.replace("\n", " ")
 
 
 def test_a_log_of_zeros_and_a_log_of_one_row(palpate, replay, tmp_path):

@@ -9,9 +9,9 @@ from palpate_engine.result.record_flags import _stream_flags
 @pytest.mark.parametrize(
     ("gaps", "messages"),
     [
-        ({"arm.tip": 1, "arm.twist": 1, "arm.joints": 1}, ["arm.tip, twist and joints have 1 x gaps"]),
-        ({"arm.tip": 1, "arm.twist": 2}, ["arm.tip has 1 x gaps", "arm.twist has 2 x gaps"]),
-        ({"arm.tip": 1, "sensor.wrench": 1}, ["arm.tip has 1 x gaps", "sensor.wrench has 1 x gaps"]),
+        ({"arm.tip": 1, "arm.twist": 1, "arm.joints": 1}, ["arm.tip, twist and joints have 1 gap"]),
+        ({"arm.tip": 1, "arm.twist": 2}, ["arm.tip has 1 gap", "arm.twist has 2 gaps"]),
+        ({"arm.tip": 1, "sensor.wrench": 1}, ["arm.tip has 1 gap", "sensor.wrench has 1 gap"]),
         ({"arm.tip": 0, "arm.twist": 0}, []),
     ],
     ids=["one lost state", "two causes", "two devices", "sound"],

@@ -24,7 +24,7 @@ def written(tmp_path):
 
 def of_version_0_1():
     """Flags are texts; there is neither schema nor verdict, budget nor where the tare ends."""
-    old = track(flags=["not-identifiable: by 0.1 N", "gaps: log has 1 x gaps"])
+    old = track(flags=["not-identifiable: by 0.1 N", "gaps: log has 1 gap"])
     del old["verdict"], old["budget"]
     document = result({"dr/ekf": old}, palpate="0.1.0")
     document["run"] |= {"tare": {"offset": 1.0, "std": 0.1, "noise": 0.2}, "live": {"rest": {"force": 1.0}}}
@@ -41,7 +41,7 @@ def test_flags_of_an_old_result_become_objects(written):
     assert track["budget"] == []
     assert [(flag["code"], flag["message"], flag["severity"]) for flag in track["flags"]] == [
         ("not-identifiable", "by 0.1 N", "invalid"),
-        ("gaps", "log has 1 x gaps", "note"),
+        ("gaps", "log has 1 gap", "note"),
     ]
     assert track["verdict"] == "invalid"
 

@@ -102,8 +102,8 @@ def test_one_who_comes_late_gets_how_things_stand(child, a_run):
     feed = PageFeed(a_run(), child.send, {})
     feed.health({"time": 1.0, "tracks": {"dr/a": {"parameters": {"elasticity": FOUND}}}})
     feed.guard(GuardState("motion"))
-    feed.flags(None, (Flag("gaps", "arm has 3 x gaps", "note"), Flag("untared", "the force is not 0", "doubtful")))
-    feed.flags(None, (Flag("gaps", "arm has 4 x gaps", "note"),))
+    feed.flags(None, (Flag("gaps", "arm has 3 gaps", "note"), Flag("untared", "the force is not 0", "doubtful")))
+    feed.flags(None, (Flag("gaps", "arm has 4 gaps", "note"),))
     with viewer(child) as socket:
         channels, schemas = greeted(socket)
         guard, found, flags = subscribe(socket, channels, "/palpate/guard", "/palpate/found", "/palpate/flags")
@@ -111,7 +111,7 @@ def test_one_who_comes_late_gets_how_things_stand(child, a_run):
         assert data_of(socket, found)[1]["parameters"]["elasticity"][:2] == [2.0, 5.0]
         logs = sorted((data_of(socket, flags)[1] for _ in range(2)), key=lambda log: log["level"])
         assert [(log["level"], log["message"]) for log in logs] == [
-            (2, "gaps: arm has 3 x gaps"),
+            (2, "gaps: arm has 3 gaps"),
             (3, "untared: the force is not 0"),
         ]
         assert set(logs[0]) == set(schemas["/palpate/flags"])

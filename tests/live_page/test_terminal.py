@@ -45,7 +45,7 @@ def test_a_line_says_what_there_is(watcher):
 
 def test_a_code_is_said_once_with_how_often(watcher):
     """Each stream with a gap raises a flag of its own; six words alike say no more than one with its number."""
-    flags = tuple(Flag("gaps", f"arm/{i} has 2 x gaps") for i in range(6))
+    flags = tuple(Flag("gaps", f"arm/{i} has 2 gaps") for i in range(6))
     watcher.flags(None, (flags[0], Flag("untared", "it is not"), *flags[1:]))
     watcher.flags("dr/b", flags[:2])
     assert watcher.line().endswith("(gaps x 2); every track: gaps x 6, untared")

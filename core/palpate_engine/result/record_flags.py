@@ -48,27 +48,28 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
 
 def _stream_flags(streams: Mapping[str, Health]) -> Iterator[Flag]:
     """Yield the faults of the readings; those that streams of a device share, such as a lost state, are one flag."""
-    for count in _shared_counts(streams, "invalid"):
-        yield Flag("invalid", f"{count} x invalid readings")
-    for count in _shared_counts(streams, "duplicates"):
-        yield Flag("duplicates", f"{count} x repeated time-stamps")
-    for count in _shared_counts(streams, "backwards"):
-        yield Flag("backwards", f"{count} x time going backwards")
-    for count in _shared_counts(streams, "gaps"):
-        yield Flag("gaps", f"{count} x gaps")
-    for count in _shared_counts(streams, "saturated"):
-        yield Flag("saturated", f"{count} x saturated readings")
+    for text in _shared_counts(streams, "invalid", "invalid reading"):
+        yield Flag("invalid", text)
+    for text in _shared_counts(streams, "duplicates", "repeated time-stamp"):
+        yield Flag("duplicates", text)
+    for text in _shared_counts(streams, "backwards", "backward time-stamp"):
+        yield Flag("backwards", text)
+    for text in _shared_counts(streams, "gaps", "gap"):
+        yield Flag("gaps", text)
+    for text in _shared_counts(streams, "saturated", "saturated reading"):
+        yield Flag("saturated", text)
 
 
-def _shared_counts(streams: Mapping[str, Health], fault: str) -> Iterator[str]:
-    """Yield "arm.tip and twist have 3" for each count of a fault, with the streams of a device that have it."""
+def _shared_counts(streams: Mapping[str, Health], fault: str, thing: str) -> Iterator[str]:
+    """Yield "arm.tip and twist have 3 gaps" for each count of a fault, with the streams of a device that have it."""
     names: dict[tuple[str, int], list[str]] = {}
     for name, health in streams.items():
         if count := getattr(health, fault):
             names.setdefault((name.partition(".")[0], count), []).append(name)
     for (device, count), (first, *further_names) in names.items():
         shared = [first, *(name.removeprefix(f"{device}.") for name in further_names)]
-        yield f"{', '.join(shared[:-1])} and {shared[-1]} have {count}" if further_names else f"{first} has {count}"
+        subject = f"{', '.join(shared[:-1])} and {shared[-1]} have" if further_names else f"{first} has"
+        yield f"{subject} {count} {thing}{'' if count == 1 else 's'}"
 
 
 def _rate_flags(name: str, health: Health) -> Iterator[Flag]:
