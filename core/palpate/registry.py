@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from palpate.entries import Entry, FlagEntry, full_name, resolve_older_name, uni
 from palpate.errors import ConfigurationError, PalpateError, PluginError, suggest
 from palpate.first_versions import FIRST_VERSIONS, KINDS_WITH_OLDER_NAMES
 from palpate.flags import Flag, FlagMeaning, judged_flags
+from palpate.installed_plugins import installed_plugins
 from palpate.offers import (
     CalibrationReader,
     Check,
@@ -38,6 +39,8 @@ from palpate.trust import PluginFile, plugin_files_at_hand
 
 if TYPE_CHECKING:
     from palpate.parts import Part, Settings
+
+_OF_INSTALLED: dict[tuple[Any, ...], Registry] = {}  # the latest registry without plugin files, by `_installed_modules`
 
 
 @dataclass(frozen=True)
@@ -165,16 +168,20 @@ def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     """
     if together := _with_files_at_hand(files):
         return _registry_of(discover(together))
-    registry = _installed_registry(tuple(sys.path), PluginSwitch.of_environment())
-    if registry.failures:  # which may be mended the next time
-        _installed_registry.cache_clear()
+    if registry := _OF_INSTALLED.get(_installed_modules()):
+        return registry
+    registry = _registry_of(discover())
+    _OF_INSTALLED.clear()
+    if not registry.failures:  # which may be mended the next time
+        _OF_INSTALLED[_installed_modules()] = registry
     return registry
 
 
-@lru_cache(maxsize=1)
-def _installed_registry(import_path: tuple[str, ...], switch: PluginSwitch) -> Registry:
-    """Return the registry of the installed plugins on an import path that a switch admits, made once in a process."""
-    return _registry_of(discover())
+def _installed_modules() -> tuple[Any, ...]:
+    """Return what the registry of the installed plugins depends on: where they are, who is admitted, their modules."""
+    import_path = tuple(sys.path)
+    modules = (sys.modules.get(plugin.target.partition(":")[0]) for plugin in installed_plugins(import_path))
+    return import_path, PluginSwitch.of_environment(), *modules
 
 
 def _registry_of(discovery: Discovery) -> Registry:
