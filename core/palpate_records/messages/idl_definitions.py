@@ -128,7 +128,7 @@ class _Parser:
         fields = list[Field]()
         while True:
             name = self._next()
-            sizes = self._parse_dimensions(scope, name)
+            sizes = self._parse_dimensions(scope, name) if self._peek() == "[" else []
             if sizes and field_type.many and field_type.count is None:
                 raise self._damage(f"{name} is an array of sequences")
             count = prod(sizes) * (field_type.count or 1) if sizes else field_type.count
