@@ -51,9 +51,11 @@ class RecursiveTracker:
         from palpate_filters.free_air import FreeAir
 
         self.recursion = recursion
-        self._place = output_layout(recursion.parameters)
-        self._marks = [(self._place.at(name), int(mark)) for name, mark in MARKS.items()]
-        self._marked = self._place.span(next(iter(MARKS)), next(reversed(MARKS)))
+        self._layout = output_layout(recursion.parameters)
+        # Marks, 0 or 1 each: the column of every one with its bit of `Status`, and the slice of all of them, which in
+        # an output are adjacent and in the order of MARKS.
+        self._status_bits = [(self._layout.at(name), int(bit)) for name, bit in MARKS.items()]
+        self._mark_columns = self._layout.span(next(iter(MARKS)), next(reversed(MARKS)))
         self._listener = listener
         self.opening = opening or FilterStart()
         self._kernel = compile_step(recursion.step)
@@ -90,9 +92,9 @@ class RecursiveTracker:
         """Return the estimates of one sample within a stretch: the numbers of `run`, by plain floats for speed."""
         assert self._carry.state is not None
         assert self._settings is not None
-        place, k = self._place, self.recursion.parameters
+        place, k = self._layout, self.recursion.parameters
         row = self._advance(self._carry.state, sample, sample.interval, self._settings, slice(0, 1))[0].tolist()
-        status = sum(mark for column, mark in self._marks if row[column] > _IS_MARKED)
+        status = sum(bit for column, bit in self._status_bits if row[column] > _IS_MARKED)
         self._diverged |= bool(status & _DIVERGED)
         nis, innovation = row[place.at("nis")], row[place.at("innovation")]
         numbers = [
@@ -185,7 +187,7 @@ class RecursiveTracker:
             state, outputs = self._kernel.run(state, inputs, settings)
         else:
             state, outputs = self._run_pieces(self._listener, state, inputs, interval, settings, row=rows.start)
-        self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._place.at("depth")]))
+        self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._layout.at("depth")]))
         return outputs
 
     def _run_pieces(
@@ -199,14 +201,14 @@ class RecursiveTracker:
     ) -> tuple[Floats, Floats]:
         """Return the state after, and outputs of, a part that begins at a row; a listener gets it piece by piece."""
         # Means and covariances go to the listener alone: of all samples they would take a kilobyte each.
-        reported = np.empty((len(inputs), self._place.size))
+        reported = np.empty((len(inputs), self._layout.size))
         for first in range(0, len(inputs), PIECE):
             piece = slice(first, first + PIECE)
             again = partial(self._kernel.run, state, inputs[piece], settings)
             state, outputs = again()
             rows = _row_slice(row + first, len(outputs))
-            listener(ActiveStretch(rows, interval[piece], surprises(outputs, self._place), again), outputs)
-            reported[piece] = outputs[:, : self._place.size]
+            listener(ActiveStretch(rows, interval[piece], surprises(outputs, self._layout), again), outputs)
+            reported[piece] = outputs[:, : self._layout.size]
         return state, reported
 
     def _wait_for_start(
@@ -285,11 +287,11 @@ class RecursiveTracker:
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, unreported: Floats | None = None
     ) -> None:
         """Write outputs as estimates of some rows; after a divergence, also an unreported one, they are NaN."""
-        place, column = self._place, self._place.at
+        place, column = self._layout, self._layout.at
         status = np.zeros(len(outputs), np.uint32)
-        marked = outputs[:, self._marked] > _IS_MARKED
-        for is_marked, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
-            status[is_marked] |= np.uint32(mark)
+        marked = outputs[:, self._mark_columns] > _IS_MARKED
+        for is_marked, bit in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
+            status[is_marked] |= np.uint32(bit)
         if unreported is not None:
             self._diverged |= bool((unreported[:, column("diverged")] > _IS_MARKED).any())
         # A filter that has diverged stays so.

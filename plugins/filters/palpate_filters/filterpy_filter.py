@@ -48,16 +48,16 @@ class FilterpyFilter(PaperStart):
             raise ConfigurationError(f"filterpy cannot be imported ({error}); pip install filterpy") from error
         process = InertialProcess(problem.model, moved_mass(problem))
         start = first_state(self, process, problem)
-        rig = ScaledProcess(process, start, self.force_std, self.velocity_std)
+        scaled_process = ScaledProcess(process, start, self.force_std, self.velocity_std)
         makers: dict[str, Callable[[], Filter]] = {
-            "ekf": lambda: extended_filter(rig),
+            "ekf": lambda: extended_filter(scaled_process),
             "ukf": lambda: sigma_point_filter(
-                rig, filterpy.kalman.UnscentedKalmanFilter, points=self._sigma_points(process.states)
+                scaled_process, filterpy.kalman.UnscentedKalmanFilter, points=self._sigma_points(process.states)
             ),
-            "ckf": lambda: sigma_point_filter(rig, filterpy.kalman.CubatureKalmanFilter),
-            "enkf": lambda: ensemble(rig, self.members, self.seed),
+            "ckf": lambda: sigma_point_filter(scaled_process, filterpy.kalman.CubatureKalmanFilter),
+            "enkf": lambda: ensemble(scaled_process, self.members, self.seed),
         }
-        return track_by_step(len(problem.model.parameters), _Stepper(rig, makers[self.filter]))
+        return track_by_step(len(problem.model.parameters), _Stepper(scaled_process, makers[self.filter]))
 
     def _sigma_points(self, states: int) -> Any:
         """Return filterpy's generator of the sigma points for so many states."""
@@ -71,8 +71,8 @@ class FilterpyFilter(PaperStart):
 class _Stepper:
     """The step function of the track."""
 
-    def __init__(self, rig: ScaledProcess, make: Callable[[], Filter]) -> None:
-        self._rig, self._filter = rig, make()
+    def __init__(self, scaled_process: ScaledProcess, make: Callable[[], Filter]) -> None:
+        self._scaled_process, self._filter = scaled_process, make()
         self._force = np.nan
         self._surface = np.nan
         self._has_begun = self._has_diverged = False
@@ -84,7 +84,7 @@ class _Stepper:
                 return self._step(moment)
             except (np.linalg.LinAlgError, ValueError, FloatingPointError):
                 self._has_diverged = True
-        unknown = np.full(len(self._rig.process.model.parameters), np.nan)
+        unknown = np.full(len(self._scaled_process.process.model.parameters), np.nan)
         return Belief(
             values=unknown, std=unknown, depth=np.nan, depth_std=np.nan, force=np.nan, status=int(Status.DIVERGED)
         )
@@ -99,12 +99,12 @@ class _Stepper:
             self._filter.predict(moment.interval, self._force)
             status |= Status(0) if np.isfinite(self._force) else Status.BLIND
         # Update with the rate; the innovation in standard deviations is that of the prediction.
-        rig, (mean, covariance) = self._rig, self._filter.get()
-        depth, speed = rig.process.layout.at("depth"), rig.speed
+        scaled_process, (mean, covariance) = self._scaled_process, self._filter.get()
+        depth, speed = scaled_process.process.layout.at("depth"), scaled_process.speed
         innovation = np.nan
         if np.isfinite(moment.velocity):
-            rate = -moment.velocity / rig.scale[speed]
-            innovation = float((rate - mean[speed]) / np.sqrt(covariance[speed, speed] + rig.variance))
+            rate = -moment.velocity / scaled_process.scale[speed]
+            innovation = float((rate - mean[speed]) / np.sqrt(covariance[speed, speed] + scaled_process.variance))
             self._filter.update(rate)
         else:
             status |= Status.BLIND
@@ -112,37 +112,49 @@ class _Stepper:
         # Report in SI.
         mean, covariance = self._filter.get()
         variance = np.diag(covariance)
-        is_near = abs(mean[depth] * rig.scale[depth]) < MAX_DEPTH
+        is_near = abs(mean[depth] * scaled_process.scale[depth]) < MAX_DEPTH
         if not (np.isfinite(mean).all() and (variance >= 0).all() and is_near):
             raise FloatingPointError
-        values, std = mean * rig.scale, np.sqrt(variance) * rig.scale
+        values, std = mean * scaled_process.scale, np.sqrt(variance) * scaled_process.scale
         self._surface = moment.position + values[depth]
-        parameters = rig.process.parameters
+        parameters = scaled_process.process.parameters
         status |= Status.LIFTED if values[depth] <= 0 else Status(0)
         return Belief(
             values=values[parameters],
             std=std[parameters],
             depth=float(values[depth]),
             depth_std=float(std[depth]),
-            force=rig.force(mean),
+            force=scaled_process.force(mean),
             nis=innovation**2,
             status=int(status),
             innovation=innovation,
         )
 
     def _begin(self, moment: Moment) -> Status:
-        """Start from the first guess, or resume the last estimate by the measured position."""
-        rig, depth = self._rig, self._surface - moment.position
-        row, material = rig.process.layout.at("depth"), rig.process.layout.span("memory", "derivatives")
+        """Start the filter from the first guess, or resume the last estimate; return the status that this sets.
+
+        A contact after a pause is resumed if the tip is below the surface as last estimated. The material's entries
+        stay, and the depth is that of the measured position below this surface, which may have moved by `RESUME_STD`
+        [m] in the meantime.
+        """
+        process, scale = self._scaled_process.process, self._scaled_process.scale
+        speed_row = self._scaled_process.speed
+        depth = self._surface - moment.position  # [m]
+        depth_row = process.layout.at("depth")
+        material = process.layout.span("memory", "derivatives")
         resumed = self._has_begun and depth > 0
-        mean, covariance = rig.start.mean / rig.scale, np.eye(len(rig.scale))
+        # The first guess; in units of its own standard deviations its covariance is the unit matrix.
+        mean = self._scaled_process.start.mean / scale
+        covariance = np.eye(len(scale))
         if resumed:
-            mean_before, covariance_before = self._filter.get()
-            mean[material] = mean_before[material]
-            covariance[material, material] = covariance_before[material, material]
-            mean[row] = depth / rig.scale[row]
-            covariance[row, row] = covariance_before[row, row] + (RESUME_STD / rig.scale[row]) ** 2
-        mean[rig.speed] = -moment.velocity / rig.scale[rig.speed] if np.isfinite(moment.velocity) else 0.0
+            last_mean, last_covariance = self._filter.get()
+            mean[material] = last_mean[material]
+            covariance[material, material] = last_covariance[material, material]
+            surface_variance = (RESUME_STD / scale[depth_row]) ** 2
+            mean[depth_row] = depth / scale[depth_row]
+            covariance[depth_row, depth_row] = last_covariance[depth_row, depth_row] + surface_variance
+        # The rate of the depth is the measured one.
+        mean[speed_row] = -moment.velocity / scale[speed_row] if np.isfinite(moment.velocity) else 0.0
         self._filter.put(mean, covariance)
         self._has_begun = True
         return Status.RESUMED if resumed else Status(0)

@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats, Layout, Samples, Status
 from palpate_kit.kernel import Step
 
+# Marks of a step's output, in the order in which they stand there, and the bit of the status that each one sets.
 MARKS = {
     "lifted": Status.LIFTED,
     "restarted": Status.RESTARTED,

@@ -43,18 +43,23 @@ class Vectors:
         """The rate [Hz] of the samples."""
         return float(1.0 / np.median(self.samples.interval[1:]))
 
-    def write(self, path: Path, names: list[str]) -> None:
-        """Write ``vectors.csv``: one row for each sample, every number to the bit."""
+    def write(self, path: Path, parameter_names: list[str]) -> None:
+        """Write ``vectors.csv``: one row for each sample, every number to the bit; the model has `parameter_names`."""
         samples, blocks = self.samples, self.estimates
-        columns = [self.force, samples.position, samples.velocity, samples.lateral[:, 0], samples.lateral[:, 1]]
-        columns.append((samples.active | ~samples.contact).astype(float))
-        for name in ("values", "std"):
-            columns += list(np.concatenate([getattr(block, name) for block in blocks]).T)
-        for name in ("surface", "surface_std", "force", "nis", "innovation", "status"):
-            columns.append(np.concatenate([getattr(block, name) for block in blocks]).astype(float))
+        # The inputs of the filter on a controller.
         heading = ["stamp", "raw_force", "position", "velocity", "lateral_x", "lateral_y", "measuring"]
-        heading += [*names, *(f"{name}_std" for name in names)]
-        heading += ["surface", "surface_std", "force", "nis", "innovation", "status"]
+        columns = [self.force, samples.position, samples.velocity, samples.lateral[:, 0], samples.lateral[:, 1]]
+        # It decides on contact by itself: `measuring` is 0 only in contact during a motion that is not for estimation.
+        measuring = samples.active | ~samples.contact
+        columns.append(measuring.astype(float))
+        # The estimates: a column of each parameter, then of each standard deviation.
+        heading += [*parameter_names, *(f"{name}_std" for name in parameter_names)]
+        for field_name in ("values", "std"):
+            columns += list(np.concatenate([getattr(block, field_name) for block in blocks]).T)
+        scalar_names = ["surface", "surface_std", "force", "nis", "innovation", "status"]
+        heading += scalar_names
+        for field_name in scalar_names:
+            columns.append(np.concatenate([getattr(block, field_name) for block in blocks]).astype(float))
         table = np.column_stack(columns).tolist()
         with path.open("w", encoding="utf-8") as file:
             print(",".join(heading), file=file)
