@@ -45,16 +45,14 @@ def _relaxation(course: Course, base: Refit, relaxing: int, fastest: float) -> R
 
     The estimate may stand for the parameters at the end of the relaxation, or for those at its beginning.
     """
-    relaxed, surface, instantaneous, residual, branches = fit_relaxation(
-        course, base.theta, base.surface, relaxing, fastest
-    )
+    fit = fit_relaxation(course, base.theta, base.surface, relaxing, fastest)
     return Refit(
         reason=MEMORY,
-        theta=relaxed,
-        surface=surface,
-        candidates=np.array([relaxed, instantaneous]),
-        residual=residual,
-        extra=branches,
+        theta=fit.relaxed,
+        surface=fit.surface,
+        candidates=np.array([fit.relaxed, fit.instantaneous]),
+        residual=fit.residual,
+        extra=fit.added_unknowns,
     )
 
 

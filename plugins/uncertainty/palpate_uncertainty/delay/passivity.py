@@ -9,9 +9,9 @@ import numpy as np
 from palpate import Floats, Tail
 from palpate_engine import acceleration
 
-# Choices: a smooth elastic force, and few enough pieces that residuals of neighbouring ones are independent.
-_POLYNOMIAL_DEGREE = 5  # of the elastic force over the depth
-_PIECES = 12  # of the record, whose scatter is the standard error
+# Choices.
+_POLYNOMIAL_DEGREE = 5  # of the elastic force over the height: above the powers 1 to 2 of tips, for layers as well
+_PIECES = 12  # of the record, whose scatter is the standard error: long, so that their sums are nearly independent
 _MIN_SAMPLES = 200  # that go both ways over the same depths
 # Choices: the lateness that is reported, of a force ahead of its motion, which no passive material makes.
 _MIN_STANDARD_ERRORS = 5.0  # [standard errors] of a lateness that is not by chance
@@ -23,46 +23,49 @@ Column = np.ndarray[tuple[int], np.dtype[np.float64]]
 def force_lateness(tail: Tail, tip_mass: float) -> float | None:
     """Return the least lateness [s] of the force, where the contact gives out more work than chance explains.
 
-    In F = p(z) - c v, with p any elastic law, v the velocity (down is negative) and m the mass of the tip subtracted,
-    a material that dissipates has c > 0. A force late by t adds -t dF/dz v: the regression gives c + t p', which is
-    negative where t is longer than the material's own eta/G. The answer is the excess; None without one.
+    `tail` has the latest samples of a track. Without the inertia of the tip (mass [kg]), the force is F = p(z) - c v:
+    p any elastic law of the height z, of stiffness k = -dp/dz > 0, v the velocity (down is negative), and c > 0 in a
+    material that dissipates. A force late by t is F - t dF/dt, about p(z) + (t k - c) v. The regression on v gives
+    t k - c, positive where t is longer than c/k, which is the material's own eta/G. The excess t - c/k is returned;
+    None without one.
     """
     contact = _contact_there_and_back(tail, tip_mass)
     if contact is None:
         return None
-    # The force as a polynomial of the depth and a share of the velocity, by orthonormal columns.
-    polynomial = np.polynomial.chebyshev.chebvander(contact.depth, _POLYNOMIAL_DEGREE).T
+    # The force as a polynomial of the height, plus a multiple of the velocity, by orthonormal columns.
+    polynomial = np.polynomial.chebyshev.chebvander(contact.height, _POLYNOMIAL_DEGREE).T
     *elastic, viscous = _orthonormal((*polynomial, contact.velocity))
     residual = contact.force
     for column in elastic:
         residual = residual - column * float((column * residual).sum())
-    drag = float((viscous * residual).sum())  # of the force along the velocity, times the velocity's length
+    thrust = float((viscous * residual).sum())  # (t k - c) times the length of the velocity's column
     # Its standard error, by the scatter between pieces of the record.
-    products = np.array_split(viscous * (residual - viscous * drag), _PIECES)
-    error = float(np.sqrt((np.array([float(piece.sum()) for piece in products]) ** 2).sum()))
-    # A drag over the length of the velocity and the mean slope p' [N/m] of the force is a time.
+    products = np.array_split(viscous * (residual - viscous * thrust), _PIECES)
+    thrust_error = float(np.sqrt((np.array([float(piece.sum()) for piece in products]) ** 2).sum()))
+    # Over that length and the mean stiffness k it is the time t - c/k.
     length = float((viscous * contact.velocity).sum())
-    slope = contact.slope()
-    if length <= 0 or slope <= 0:
+    stiffness = contact.stiffness()
+    if length <= 0 or stiffness <= 0:
         return None
-    lateness = drag / length / slope
-    return lateness if lateness > max(_MIN_LATENESS, _MIN_STANDARD_ERRORS * (error / length / slope)) else None
+    lateness = thrust / length / stiffness
+    standard_error = thrust_error / length / stiffness
+    return lateness if lateness > max(_MIN_LATENESS, _MIN_STANDARD_ERRORS * standard_error) else None
 
 
 @dataclass(frozen=True)
 class _BothWays:
     """Samples of the depths that a tip passed both ways."""
 
-    depth: Column  # position over half the range of depths, from -1 to 1
+    height: Column  # height over half the range of heights, from -1 (lowest) to 1: falls as the tip goes deeper
     velocity: Column  # [m/s]
     force: Column  # [N] without the tip's inertia
     half_range: float  # [m]
 
-    def slope(self) -> float:
-        """Return the mean slope [N/m] of the force over the depth, by linear regression."""
-        depth = self.depth - self.depth.mean()
-        slope = -float(((self.force - self.force.mean()) * depth).sum())
-        return slope * (1 / self.half_range / float((depth**2).sum()))
+    def stiffness(self) -> float:
+        """Return the mean stiffness k = -dF/dz [N/m], by linear regression of the force on the height."""
+        height = self.height - self.height.mean()
+        product = -float(((self.force - self.force.mean()) * height).sum())
+        return product * (1 / self.half_range / float((height**2).sum()))
 
 
 def _contact_there_and_back(tail: Tail, tip_mass: float) -> _BothWays | None:
@@ -76,8 +79,8 @@ def _contact_there_and_back(tail: Tail, tip_mass: float) -> _BothWays | None:
     rows &= (tail.position >= low) & (tail.position <= high)
     if np.count_nonzero(rows) < _MIN_SAMPLES or high <= low:
         return None
-    depth = (2 * tail.position[rows] - low - high) / (high - low)
-    return _BothWays(depth, tail.velocity[rows], force[rows], (high - low) / 2)
+    height = (2 * tail.position[rows] - low - high) / (high - low)
+    return _BothWays(height, velocity=tail.velocity[rows], force=force[rows], half_range=(high - low) / 2)
 
 
 def _common_depths(down: Floats, up: Floats) -> tuple[float, float] | None:
