@@ -161,7 +161,7 @@ class ContactDetector:
         self._load.watch_pull(samples)
         self.first_touch, self.by_change_point = (float(samples.time[touch.begin]), touch.surface), True
         self._air.add(samples.force[: touch.begin])
-        self._hysteresis = ContactHysteresis(self.threshold, 0, touch.surface)
+        self._hysteresis = ContactHysteresis(self.threshold, above=0, surface=touch.surface)
         contact = np.zeros(len(samples), bool)
         contact[touch.begin :] = self._hysteresis.contact(samples[touch.begin :])
         return replace(samples, contact=contact, active=contact & samples.active)
@@ -185,21 +185,27 @@ class ContactDetector:
         self._air.add(released.force)
         return replace(released, contact=no_contact, active=no_contact)
 
-    def _mark_held(self, onset: ContactOnset, detection: int) -> Samples:
+    def _mark_held(self, onset: ContactOnset, detection_index: int) -> Samples:
         """Return the samples that were held back, marked from where contact began; the search ends.
 
-        After the one at which contact showed, the hysteresis decides.
+        `detection_index` is that of the held sample at which contact showed; behind it the hysteresis decides.
         """
         held = onset.held.samples
-        begin, change = onset.located()
-        surface = float(held.position[begin]) if change is None else change.surface
-        self.first_touch, self.by_change_point = (float(held.time[begin]), surface), change is not None
-        self._hysteresis = ContactHysteresis(self.threshold, onset.above, surface if onset.by_rise else None)
-        self._onset = None
+        # Contact begins before it shows: at the change point of the force, where there is one.
+        begin, change_point = onset.located()
+        surface = float(held.position[begin]) if change_point is None else change_point.surface
+        self.first_touch = float(held.time[begin]), surface
+        self.by_change_point = change_point is not None
         self._air.add(held.force[:begin])
+        self._onset = None
+        # The hysteresis goes on from the detection: the count above the threshold, and the surface of a rise.
+        self._hysteresis = ContactHysteresis(
+            self.threshold, above=onset.above, surface=surface if onset.by_rise else None
+        )
         contact = np.arange(len(held)) >= begin
-        if len(held) > detection + 1:
-            contact[detection + 1 :] = self._hysteresis.contact(held[detection + 1 :])
+        following = slice(detection_index + 1, None)
+        if len(held) > detection_index + 1:
+            contact[following] = self._hysteresis.contact(held[following])
         return replace(held, contact=contact, active=contact & held.active)
 
     def _after_touch(self, samples: Samples) -> Samples:

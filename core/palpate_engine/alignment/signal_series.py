@@ -10,7 +10,7 @@ from palpate.stream_health import Health
 from palpate.vectors import Floats
 
 _SECOND = 1_000_000_000  # [ns]
-_CARRIED = 3  # readings that a batch leaves to the next, for its health counts third differences
+_CARRIED = 3  # readings that a batch leaves to the next: a third difference is of a new reading and the three before
 
 
 class Series:
@@ -29,10 +29,11 @@ class Series:
         self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self.values: Floats = np.zeros(0)
         self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
-        self._repeated = 0  # the reading that goes on
-        self._ran = 0  # readings of the run before that
-        self._previous: Floats = np.zeros(0)  # the last readings of the batch before, _CARRIED at most
-        self._change = 0.0  # before that
+        self._carried: Floats = np.zeros(0)  # the last readings of the batch before, _CARRIED at most
+        # The run of equal readings that goes on: readings so far, and the change of the reading at its begin.
+        self._open_run_length = 0
+        self._open_run_change = 0.0
+        self._last_run_length = 0  # readings of the run before it
 
     def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
         """Take over the rows of a batch that are in order and finite."""
@@ -57,28 +58,46 @@ class Series:
         return (values <= low) | (values >= high)
 
     def _count_repeats(self, values: Floats, health: Health) -> None:
-        """Take note of the runs of equal readings, the one that goes on as well, and of how readings change."""
+        """Count in `health` how readings (n,) change, and how often they repeat; keep what the next batch needs."""
         if not len(values):
             return
-        readings = np.concatenate([self._previous, values])
-        carried = len(self._previous)
-        health.changed(readings, carried)
-        self._previous = readings[-_CARRIED:]
-        readings = readings[max(carried - 1, 0) :]
-        # Runs of equal readings end where a reading changes; the first continues one of the batch before.
-        places = np.flatnonzero(readings[1:] != readings[:-1])
-        changes = np.concatenate([[self._change], np.abs(readings[places + 1] - readings[places])])
-        edges = np.concatenate([[-max(self._repeated, 1)], places, [len(readings) - 1]])
-        runs = np.diff(edges)
-        health.repeated(runs, np.maximum(changes, np.append(changes[1:], 0.0)))
-        health.step = min(health.step, float(changes[1:].min(initial=np.inf)))
-        # A change is usual where both runs at it are of one reading; the run that goes on is not known yet.
-        single = runs[:-1] == 1
-        usual = changes[:-1][single & np.concatenate([[self._ran == 1], single[:-1]])[: len(single)]]
-        health.usual_change = max(health.usual_change, float(usual.max(initial=0.0)))
-        if len(runs) > 1:
-            self._ran = int(runs[-2])
-        self._repeated, self._change = int(runs[-1]), float(changes[-1])
+        carried_count = len(self._carried)
+        readings = np.concatenate([self._carried, values])
+        health.changed(readings, carried_count)
+        self._carried = readings[-_CARRIED:]
+        # Of the carried readings the last one alone: it belongs to the run that goes on.
+        self._count_runs(readings[max(carried_count - 1, 0) :], health)
+
+    def _count_runs(self, readings: Floats, health: Health) -> None:
+        """Count in `health` the runs of equal readings, and the changes between them.
+
+        `readings` (n,) begin with the last one of the batch before, if there was one: the run that it belongs to has
+        `_open_run_length` readings, itself included, and goes on here. The last run of the batch goes on likewise; it
+        is counted so far, and again with the next batch.
+        """
+        # The last reading of each run. The run before the open one ended so many readings ago, at an index below 0.
+        changing_rows = np.flatnonzero(readings[1:] != readings[:-1])
+        end_before = -max(self._open_run_length, 1)
+        run_ends = np.concatenate([[end_before], changing_rows, [len(readings) - 1]])
+        run_lengths = np.diff(run_ends)
+        # The change of the reading at the begin of each run, and at its end: 0 for the last one, which goes on.
+        new_changes = np.abs(readings[changing_rows + 1] - readings[changing_rows])
+        changes_at_begin = np.concatenate([[self._open_run_change], new_changes])
+        changes_at_end = np.append(new_changes, 0.0)
+        health.repeated(run_lengths, np.maximum(changes_at_begin, changes_at_end))
+        health.step = min(health.step, float(new_changes.min(initial=np.inf)))
+
+        # A change is usual where the runs on both sides have one reading each. The last run's length is not known yet.
+        whole_runs = run_lengths[:-1]
+        runs_before = np.concatenate([[self._last_run_length], whole_runs])[: len(whole_runs)]
+        is_usual = (whole_runs == 1) & (runs_before == 1)
+        usual_changes = changes_at_begin[:-1][is_usual]
+        health.usual_change = max(health.usual_change, float(usual_changes.max(initial=0.0)))
+
+        if len(whole_runs):
+            self._last_run_length = int(whole_runs[-1])
+        self._open_run_length = int(run_lengths[-1])
+        self._open_run_change = float(changes_at_begin[-1])
 
     @property
     def last(self) -> int | None:

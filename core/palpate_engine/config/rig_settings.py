@@ -125,21 +125,22 @@ def _contains(place: Location, other: Location) -> bool:
     return place[:length] == other[:length]
 
 
-def facts_left_open(tables: Mapping[str, Any], facts: RigFacts, known: Registry) -> list[str]:
-    """Return the facts that a written pipeline leaves open, as ``table.key=value``; raises ConfigurationError.
+def facts_left_open(tables: Mapping[str, Any], facts: RigFacts, registry: Registry) -> list[str]:
+    """Return those facts of a rig that a written pipeline lacks or only assumes, as ``rig.key=value``.
 
-    It leaves open what it has no value for, or one that it assumes.
+    `tables` are those of the pipeline, `registry` that of the parts it names. Raises ConfigurationError.
     """
     assumed = [str(pattern) for pattern in _tables(tables, "run").get("assumed", ())]
     # A fact may set several keys; it is open while one of them is. A beam also states what the position is of.
     locations_of_fact: dict[str, list[Location]] = {}
-    for key, location, _ in _settings(facts, tables, known):
+    for key, location, _ in _settings(facts, tables, registry):
         fact = "beam" if facts.beam is not None and key == "position" else key
         locations_of_fact.setdefault(fact, []).append(location)
-    conditions = {*facts_stated().values()}
+    # A fact counts if a verdict may depend on it: those that state the fact of a condition.
+    statable_facts = {*facts_stated().values()}
     assignments = []
     for fact, locations in locations_of_fact.items():
-        if fact in conditions and any(_is_open(tables, location, assumed) for location in locations):
+        if fact in statable_facts and any(_is_open(tables, location, assumed) for location in locations):
             assignments.append(f"{TABLE}.{fact}={json.dumps(getattr(facts, fact))}")
     return assignments
 
