@@ -29,30 +29,33 @@ def advance_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -
 
 
 def fade_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> Any | None:
-    """Return states (k, 1) after an interval, from slopes dq/dt = l - c q at shares 0, 1/2 and 1 of it.
+    """Return states q(h) (k, 1) after a step h [s], from q(0), the `memory`, and their slopes dq/dt = l(u) - c(u) q.
 
-    None where the rates of the states depend on them, or on each other.
+    `slope` returns dq/dt at a share u of the step and at states. None where c of a state depends on a state, or the
+    slope of a state on another one.
 
-    q(h) = e^-z q(0) + h int_0^1 e^(-z (1 - u)) l(u) du with z = h c by Simpson's rule and l the parabola through its
-    three values: an exponential integrator (Hochbruck and Ostermann 2010), exact for any z where c stays the same and l
-    is a parabola. Where an arm fades much faster than the step, q = l/c remains, which is the force of a damper. Runge
-    and Kutta's method of order 4 leaves for infinity from z = 2.8 on.
+        q(h) = e^-z q(0) + h int_0^1 e^(-z (1 - u)) l(u) du
+
+    z is h times the mean of c, by Simpson's rule from c at u = 0, 1/2 and 1. The load l is the parabola through its
+    values there, and its integral is exact. This is an exponential integrator (Hochbruck and Ostermann 2010), exact for
+    any z where c stays the same and l is a parabola. Where an arm fades much faster than the step, q = l/c remains,
+    which is the force of a damper. Runge and Kutta's method of order 4 leaves for infinity from z = 2.8 on.
     """
     import casadi as ca
 
     count = int(memory.numel())
-    loads, rates = [], []
+    loads, fading_rates = [], []
     for share in (0.0, 0.5, 1.0):
         # The step begins at an expression; the derivative needs a symbol.
         state = ca.SX.sym("q", count)
-        change = slope(share, state)
-        jacobian = ca.jacobian(change, state)
+        state_rate = slope(share, state)  # dq/dt = l - c q
+        jacobian = ca.jacobian(state_rate, state)
         if not fades_separately(jacobian, state):
             return None
-        rates.append(-ca.diag(jacobian))
-        loads.append(ca.substitute(change, state, ca.SX.zeros(count)))
-    # Simpson's rule for the rate c over the interval.
-    z = step * (rates[0] + 4.0 * rates[1] + rates[2]) / 6.0
+        fading_rates.append(-ca.diag(jacobian))  # c
+        loads.append(ca.substitute(state_rate, state, ca.SX.zeros(count)))  # l, the rate at q = 0
+    # Simpson's rule for the mean of c over the step.
+    z = step * (fading_rates[0] + 4.0 * fading_rates[1] + fading_rates[2]) / 6.0
     # The parabola l = l0 + l1 u + l2 u^2 through the loads at u = 0, 1/2, 1, and its integral.
     first, middle, last = loads
     linear = -3.0 * first + 4.0 * middle - last
