@@ -150,22 +150,30 @@ def _curvature_terms(sensitivity: Along, settings: AlignmentSettings, report: Al
 
 
 def _law_terms(sensitivity: Along) -> Iterator[Term]:
-    """Yield the term of a formula that approximates a solution to a share e of the force at most.
+    """Yield the term of a formula that approximates a solution to a share e of the force F at most.
 
-    The error at each depth is not known, only that it changes slowly: f = e/2 F cos(n pi s), n = 0 to 3 and each by
-    itself, with weights so that f^2 is (e/2)^2 F^2 on average, s the root of the depth over that of the deepest.
+    The error at each depth is not known, only that it changes slowly. It is a sum of independent waves over
+    s = sqrt(depth/deepest depth),
+
+        f_n = e/2 F w_n / sqrt(4),    w_0 = 1, w_n = sqrt(2) cos(n pi s) for n = 1, 2, 3.
+
+    Each w_n has the mean square 1 over s, so that the four f_n together have that of e/2 F. The effect on each
+    parameter is the root of the sum of the squares of its shifts by the f_n. No term where parameters and surface are
+    indistinct: then no wave has a shift.
     """
-    if not (error := sensitivity.model.law_error):
+    if not (law_error := sensitivity.model.law_error):
         return
-    place = np.sqrt(np.clip(sensitivity.depth / sensitivity.depth.max(), 0.0, 1.0))
-    # sqrt(2) gives a cosine the mean square 1; the four are as one uncertainty, combined below.
-    waves = [(math.sqrt(2.0) if n else 1.0) * np.cos(n * math.pi * place) for n in range(_WAVE_COUNT)]
-    shifts = [
-        sensitivity.shifts(error / _COVERAGE * wave * sensitivity.force / math.sqrt(_WAVE_COUNT)) for wave in waves
-    ]
-    determined = [shift for shift in shifts if shift is not None]
-    if determined:
-        yield Term("law", error / _COVERAGE, "1", np.sqrt(np.sum(np.square(determined), axis=0)))
+    standard_error = law_error / _COVERAGE
+    s = np.sqrt(np.clip(sensitivity.depth / sensitivity.depth.max(), 0.0, 1.0))
+    shifts_of_waves = []
+    for n in range(_WAVE_COUNT):
+        amplitude = math.sqrt(2.0) if n else 1.0
+        wave = amplitude * np.cos(n * math.pi * s)
+        shifts = sensitivity.shifts(standard_error * wave * sensitivity.force / math.sqrt(_WAVE_COUNT))
+        if shifts is None:
+            return
+        shifts_of_waves.append(shifts)
+    yield Term("law", standard_error, "1", np.sqrt(np.sum(np.square(shifts_of_waves), axis=0)))
 
 
 def _flat_skin_error(model: ContactModel, curvature: float) -> float:

@@ -16,7 +16,7 @@ from palpate_kit.curves.fit_folder import FitFolder
 
 Test = Callable[[CurveRow], bool]  # of a row: True if it fulfils a term
 _TERM = re.compile(r"(?P<name>[^<>=:]+)(?P<sign><=|>=|<|>|=|:)(?P<value>.*)")
-_SIGNS: Mapping[str, Callable[[float, float], bool]] = {
+_COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt, ">": operator.gt, "<=": operator.le, ">=": operator.ge,
 }  # fmt: skip
 _CHOICES = {
@@ -26,7 +26,8 @@ _CHOICES = {
 }
 _VALUE_VERDICTS = ("good", "doubtful", "invalid", "needs", "not-determined")
 _PLACE = ("x", "y")
-_NUMBERS = {"rms": "N", "samples": "1", **dict.fromkeys(_PLACE, "m")}  # their units, in addition to values
+# Numbers of a row other than the values of its parameters, with their units in SI.
+_UNITS_OF_NUMBERS = {"rms": "N", "samples": "1", **dict.fromkeys(_PLACE, "m")}
 
 
 @dataclass(frozen=True)
@@ -109,24 +110,30 @@ def _equality_test(term: str, name: str, value: str, folder: FitFolder) -> Test:
     return lambda row: row.groups.get(name, "") == value
 
 
-def _number_test(term: str, name: str, sign: str, value: str, folder: FitFolder) -> Test:
-    """Return the comparison of a number of a row with a limit, in SI or in the unit in which it is shown."""
+def _number_test(term: str, name: str, comparison: str, limit_text: str, folder: FitFolder) -> Test:
+    """Return the test of a number of a row against a limit by a `comparison` such as ``<``, for a term ``rms<0.05 N``.
+
+    A limit without a unit is in the unit in which tables show the number: ``E>100`` is of 100 kPa where they have kPa.
+    A row that lacks the number fails. Raises ConfigurationError for an unknown number or unit.
+    """
     key = folder.symbols.get(name, name)
-    if key not in (*folder.values, *_NUMBERS):
-        numbers = [*folder.symbols, *folder.values, *_NUMBERS]
+    if key not in (*folder.values, *_UNITS_OF_NUMBERS):
+        numbers = [*folder.symbols, *folder.values, *_UNITS_OF_NUMBERS]
         raise ConfigurationError(f"--where {term!r}: no number {name!r}{suggest(name, numbers)}")
-    unit = _NUMBERS.get(key, folder.units.get(key, ""))
+    # The limit in SI.
+    unit = _UNITS_OF_NUMBERS.get(key, folder.units.get(key, ""))
+    _, shown_per_si = display_unit(unit)
     try:
-        # A number without a unit is in the unit that is shown.
-        limit = float(value) / display_unit(unit)[1]
+        limit = float(limit_text) / shown_per_si
     except ValueError:
         try:
-            limit = to_si(value, unit)
+            limit = to_si(limit_text, unit)
         except ValueError as error:
             raise ConfigurationError(f"--where {term!r}: {error}") from error
-    compare = _SIGNS[sign]
+    compare = _COMPARISONS[comparison]
 
     def fulfils(row: CurveRow) -> bool:
+        """Return True if a row has the number, and it compares so with the limit."""
         number = _number_of_row(row, key)
         return number is not None and compare(number, limit)
 

@@ -39,6 +39,8 @@ ARCHIVES = {
     ".zip": "unpack it, and give the folder",
 }
 
+# Of what is behind the sensor where nothing states it (0351); a draft lists it under `assumed`, until it is weighed.
+_ASSUMED_MASS = "140 g"
 _REPLAY = "-replay"  # end of the names of palpate's devices that read logs (0491)
 
 
@@ -147,7 +149,8 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
         *(f"{key} = {_toml(value)}" for key, value in suggestion.alignment.items()),
     ]
     if "tip_mass" not in suggestion.alignment:
-        lines += ['tip_mass = "140 g"                     # everything mounted behind the sensor: weigh it']
+        mass_setting = f"tip_mass = {_toml(_ASSUMED_MASS)}"
+        lines.append(f"{mass_setting:<39}# everything mounted behind the sensor: weigh it")
     return "\n".join(lines) + "\n\n" + rest
 
 
