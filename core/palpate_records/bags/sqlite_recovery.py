@@ -30,8 +30,12 @@ _MIN_PAGE, _MAX_PAGE = 512, 65536  # [bytes], of which the latter is written as 
 _MAX_SIZE = 1 << 42  # [bytes] to which a file is lengthened; zeros take no place on a disk
 _PAGE_HEADS = 64  # [bytes] of a page that are not part of a message
 _FETCHED_MESSAGES = 64  # that are held at once
-_WINDOW = 512  # numbers of messages that are read at once behind damage
-_COARSE_STEP = 64  # numbers, below which a window is not halved after an empty one
+# Behind damage messages are searched by their numbers, a window of numbers at a time. A window that cannot be read is
+# halved until its parts can be, or have their least width: one of 512 takes at most 1023 queries, and 15 after an empty
+# one, where more damage is likely.
+_WINDOW = 512  # numbers of a window
+_MAX_PARTS = 512  # of a window: its least part is a single number, and of a wider window as large a share
+_COARSE_STEP = 64  # numbers of the least part after an empty window
 _MAX_EMPTY_WINDOWS = 16  # in a row, before windows are doubled
 
 
@@ -204,14 +208,14 @@ def _is_sound(row: Row, page_size: int | None) -> bool:
     return page_size is None or len(data) < page_size - _PAGE_HEADS or not data.endswith(b"\0")
 
 
-def _readable_rows(old: sqlite3.Connection, copy: Path) -> Iterator[list[Row]]:
+def _readable_rows(old: sqlite3.Connection, database_path: Path) -> Iterator[list[Row]]:
     """Yield messages in the order of their numbers, around the pages that cannot be read.
 
-    Numbers may have any size, also by a changed bit: after many empty windows in a row these are doubled, and read
-    again in small ones once there is a message.
+    `old` is open on the file at `database_path`. Numbers may have any size, also by a changed bit: after many empty
+    windows in a row these are doubled, and read again in small ones once one has a message.
     """
     begin = _extreme_number(old, "MIN", default=0)
-    end = _last_number(old, copy)
+    end = _last_number(old, database_path)
     width = _WINDOW
     empty_windows = 0
     while begin <= end:
@@ -220,7 +224,7 @@ def _readable_rows(old: sqlite3.Connection, copy: Path) -> Iterator[list[Row]]:
             if begin > end:
                 return
         # Behind damage, a window at a time: parts that cannot be read are halved.
-        min_width = max(width // _WINDOW, _COARSE_STEP if empty_windows else 1)
+        min_width = max(width // _MAX_PARTS, _COARSE_STEP if empty_windows else 1)
         rows = _rows_between(old, begin, begin + width, min_width)
         # Messages in a wide window: the same numbers again, in small windows.
         if rows and width > _WINDOW:
@@ -254,13 +258,13 @@ def _extreme_number(old: sqlite3.Connection, function: str, default: int) -> int
     return number if isinstance(number, int) else default
 
 
-def _last_number(old: sqlite3.Connection, copy: Path) -> int:
+def _last_number(old: sqlite3.Connection, database_path: Path) -> int:
     """Return the largest number that a readable message may have."""
     end = _extreme_number(old, "MAX", default=_MAX_NUMBER)
     if end < _MAX_NUMBER:
         return end
     try:
-        last = last_reachable(old, copy, "messages", "id")
+        last = last_reachable(old, database_path, "messages", "id")
     except (sqlite3.Error, OSError, struct.error):
         return end
     return end if last is None else last

@@ -133,12 +133,20 @@ class NewLog:
         self._extras["METADATA"].append(MetadataIndex(begin, len(data), name))
 
     def attachment(self, file: Attachment) -> None:
-        """Write an attachment."""
-        from mcap.records import Attachment as Record, AttachmentIndex
+        """Write an attachment; `finish` writes its entry in the index."""
+        from mcap.records import Attachment as AttachmentRecord, AttachmentIndex
 
         begin = self._file.tell()
-        data = _record_bytes(Record(file.created, file.logged, file.name, file.kind, file.content))
+        record = AttachmentRecord(
+            create_time=file.created,
+            log_time=file.logged,
+            name=file.name,
+            media_type=file.kind,
+            data=file.content,
+        )
+        data = _record_bytes(record)
         self._file.write(data)
+        # Its entry in the index of the summary.
         entry = AttachmentIndex(
             offset=begin,
             length=len(data),

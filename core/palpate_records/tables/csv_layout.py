@@ -20,7 +20,7 @@ from palpate_records.tables.table_text import bounded_lines
 
 # Choices.
 LINES = 400  # above the first row of numbers, at most
-_MAX_TITLE_LINES = 50  # above the names of a page
+_MAX_TITLE_LINES = 50  # above the names of a page: more rows without readings belong to the table
 _MIN_FACT_NAME = 2  # characters of a name of a value about the experiment
 _MAX_FACT_NAME, _MAX_FACT_VALUE = 40, 60  # characters of such a name, and of its value
 _FACT_SEPARATOR = re.compile(r"[:=\t;,]")
@@ -56,8 +56,10 @@ def one_table(
 ) -> Iterator[TableRow]:
     """Yield the rows of a table and its pages without the headings of these, up to the title of another table.
 
-    Another table begins with a further line of the same names. `pages` returns the number of pages; 0 if nothing is
-    known of tables below, whose headings are rows then.
+    A further line of the same names begins a page, or after the last page another table. Rows without readings wait,
+    since they may be the title above such a line; up to `_MAX_TITLE_LINES` of them, then they are rows of the table.
+    `pages` returns the number of pages; 0 if nothing is known of tables below, whose headings are rows then. It is
+    called at such lines alone.
     """
     names = [name.strip() for name in layout.names or ()]
     title_rows: list[TableRow] = []  # rows without readings, perhaps the title of the next page
@@ -76,12 +78,18 @@ def one_table(
             is_heading = True
             if page > pages():
                 # A title has one filled cell: rows with more are the end of this table.
-                yield from (row for row in title_rows if sum(map(bool, map(str.strip, row[1]))) > 1)
+                yield from (title_row for title_row in title_rows if _filled_cells(title_row) > 1)
                 return
             title_rows.clear()
         elif not is_heading:
             title_rows.append(row)
     yield from title_rows
+
+
+def _filled_cells(row: TableRow) -> int:
+    """Return the number of cells of a row that are not blank."""
+    _, cells = row
+    return sum(bool(cell.strip()) for cell in cells)
 
 
 def first_lines(file: IO[str], path: Path, below: int = 0) -> list[str]:
