@@ -12,7 +12,7 @@ from palpate_maps.body_search import absence_p
 from palpate_maps.lump_criteria import Lump, size_without_tip
 
 _HALF_HEIGHT = 0.5  # of a lump: its extent is that of the places above
-_STEP = 5e-4  # [m] between the places of a grid over a lump of several bodies
+_GRID_STEP = 5e-4  # [m] of the grid over a lump of several bodies: a twentieth of a usual body's width (choice)
 _MARGIN_SIGMAS = 1.5  # of a body's sigma, by which that grid goes beyond its middle: half height is at 1.18
 
 
@@ -73,19 +73,25 @@ def _peak(fit: BodyFit, members: Sequence[int], place: Floats) -> tuple[float, F
 def _shape(
     bodies: Sequence[Body], highest: Body, contrast: float
 ) -> tuple[Floats, tuple[float, float], tuple[float, float]]:
-    """Return the middle (k,) [m], the extents along x and y, and those along and across, at half of the height [m]."""
+    """Return the middle (k,) of a lump, the extents along x and y, and those along and across its main axis [m].
+
+    The lump is what lies above half of its height: of `contrast`, that of all its bodies together at the place of the
+    `highest` one.
+    """
     width = FWHM * highest.sigma
     if len(bodies) == 1:
         return highest.place, (width, width), (width, width)
-    # Of several bodies: the places above half of the height, on a grid in the plane of the highest.
+    # Of several bodies: the places above half of the height, on a grid in the tangent plane of the highest.
     offsets = np.array([highest.axes.T @ (body.place - highest.place) for body in bodies])
     margin = np.array([_MARGIN_SIGMAS * body.sigma for body in bodies])[:, None]
     low, high = (offsets - margin).min(axis=0), (offsets + margin).max(axis=0)
-    x, y = np.meshgrid(np.arange(low[0], high[0], _STEP), np.arange(low[1], high[1], _STEP))
+    x, y = np.meshgrid(np.arange(low[0], high[0], _GRID_STEP), np.arange(low[1], high[1], _GRID_STEP))
     places = highest.place + np.column_stack([x.ravel(), y.ravel()]) @ highest.axes.T
     inside = places[_contrast(bodies, places) >= _HALF_HEIGHT * contrast]
-    middle, extent = inside.mean(axis=0), np.ptp(inside[:, :2], axis=0) + _STEP
-    # Along the main axes of these places, and from end to end.
+    middle = inside.mean(axis=0)
+    # Each place stands for a cell of the grid, so that half a cell is added at either end.
+    extent = np.ptp(inside[:, :2], axis=0) + _GRID_STEP
+    # Along the main axes of these places: the eigenvectors of their covariance, the narrower one first.
     directions = np.linalg.eigh(np.cov(inside[:, :2].T))[1]
-    across, along = (np.ptp(inside[:, :2] @ directions, axis=0) + _STEP).tolist()
+    across, along = (np.ptp(inside[:, :2] @ directions, axis=0) + _GRID_STEP).tolist()
     return middle, (float(extent[0]), float(extent[1])), (along, across)

@@ -23,7 +23,10 @@ _PAUSE = 0.3  # [s] without estimates that ends a stretch
 KEPT = 0.7
 _MIN_KEPT = 0.2  # of a share that a stay determines: a choice
 _MIN_PIECES = 12  # of a stay that determine its scatter, to within a fifth (decision 0080)
-_MAIN_AXIS = 0.999  # cosine from which on a line is along an axis: 2.6 degrees
+_MAX_LINE_WIDTH = 2e-3  # [m] across: two sites of the default spacing; rows further apart are an area (choice)
+# Cosine of 2.6 degrees, the angle to x or y up to which a line is along that axis: its coordinate makes ways
+# along the line shorter by 0.1 % at most (choice).
+_MIN_AXIS_COSINE = 0.999
 _ROUNDING = 1e-9  # [m] of a way that a site's width is compared with
 
 
@@ -205,20 +208,23 @@ def site_numbers(sites: Sites, width: float) -> NDArray[np.intp]:
     return groups
 
 
-def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
-    """Return (n,) [m] along the straight line that the sites lie on, or None where they cover an area.
+def line_coordinate(sites: Sites, tolerance: float = _MAX_LINE_WIDTH) -> Floats | None:
+    """Return the coordinate (n,) [m] along the straight line that the sites lie on, or None where they cover an area.
 
-    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is given in y.
+    They lie on a line if the width across it is at most the `tolerance` [m]. Of a line along x or y it is their x or y
+    itself. Of an oblique line it is the distance from the mean of the sites, along the line; it grows with x or y,
+    whichever the line is nearer to.
     """
     place = sites.place[:, :2]
     centred = place - place.mean(axis=0)
     covariance = centred.T @ centred / max(len(sites), 1)
-    variances, axes = np.linalg.eigh(covariance)
+    variances, directions = np.linalg.eigh(covariance)
     # The width w across of a uniform band, whose variance is w^2/12.
-    if np.sqrt(12 * max(float(variances[0]), 0.0)) > tolerance:
+    width = np.sqrt(12 * max(float(variances[0]), 0.0))
+    if width > tolerance:
         return None
-    axis = axes[:, 1]
-    main = int(np.argmax(np.abs(axis)))
-    if abs(axis[main]) > _MAIN_AXIS:
-        return np.asarray(place[:, main])
-    return np.asarray(centred @ (axis * np.sign(axis[main])))
+    direction = directions[:, 1]
+    nearest_axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[nearest_axis]) > _MIN_AXIS_COSINE:
+        return np.asarray(place[:, nearest_axis])
+    return np.asarray(centred @ (direction * np.sign(direction[nearest_axis])))

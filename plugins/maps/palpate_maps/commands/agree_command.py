@@ -163,14 +163,16 @@ def _table(pairs: list[RunPair]) -> Table:
 
     rows = []
     for pair in pairs:
-        agreement, (level, level_std) = pair.agreement, pair.agreement.level
+        agreement = pair.agreement
+        # The mean difference d is of logarithms: exp(d) - 1 is relative, as the standard deviation of d is.
+        mean_difference, relative_std = agreement.level
         e_n = np.abs(agreement.e_n)
         rows.append(
             (
                 pair.name,
                 str(len(e_n)),
                 " / ".join(f"{100 * share:.0f}" for share in agreement.shares),
-                f"{100 * math.expm1(level):+.2f} ± {100 * level_std:.2f}",
+                f"{100 * math.expm1(mean_difference):+.2f} ± {100 * relative_std:.2f}",
                 f"{e_n.max():.2f}",
                 f"{100 * np.mean(e_n > 1):.0f}",
                 _p_text(pair),
@@ -204,16 +206,17 @@ def _sentences(pairs: list[RunPair], maps: list[RunMap]) -> list[str]:
 
 
 def _document(pair: RunPair) -> dict[str, Any]:
-    """Return a pair as plain data; differences are of the logarithm."""
+    """Return a pair as plain data; every difference, and its standard deviation, is of the parameter's logarithm."""
     agreement = pair.agreement
-    level, level_std = agreement.level
+    mean_difference, mean_difference_std = agreement.level
+    first_share, second_share = agreement.shares  # of each run's places, those that the other run covers as well
     return {
         "first": pair.first,
         "second": pair.second,
         "p": pair.p,
-        "level": {"difference": level, "std": level_std, "p": agreement.level_p},
+        "level": {"difference": mean_difference, "std": mean_difference_std, "p": agreement.level_p},
         "pattern_p": agreement.pattern_p,
-        "covered": list(agreement.shares),
+        "covered": [first_share, second_share],
         "repeatability": agreement.repeatability,
         "differing_facts": pair.differing_facts,
         "place": agreement.place.tolist(),
