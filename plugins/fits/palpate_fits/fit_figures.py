@@ -27,14 +27,18 @@ def draw(
     }
     if not fits:
         return []
-    contact = samples.force + tip_mass * np.nan_to_num(acceleration(samples.time, samples.velocity))
+    # The force of the contact [N]: the measured one without the tip's inertia.
+    contact_force = samples.force + tip_mass * np.nan_to_num(acceleration(samples.time, samples.velocity))
     drawn = []
     for name, paint in {"force": _forces, "residuals": _residuals}.items():
-        figure, axes = figure_of(2)
+        # Two axes, over time and over depth.
+        figure, rows_of_axes = figure_of(columns=2)
+        axes = rows_of_axes[0]
         for label, (estimates, report) in fits.items():
-            paint(axes[0], label, samples, estimates, _without_offset(contact, samples, estimates, report))
-        for axis in axes[0]:
-            legend_outside(axis, 2)
+            force = _without_offset(contact_force, samples, estimates, report)
+            paint(axes, label, samples, estimates, force)
+        for axis in axes:
+            legend_outside(axis, columns=2)
         drawn.append(folder / f"{name}.{ending}")
         save_figure(figure, drawn[-1])
     return drawn

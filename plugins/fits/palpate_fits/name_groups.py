@@ -17,7 +17,7 @@ from palpate_kit.terminal.table import Table
 from palpate_fits.quartile_table import quartiles_text
 
 GROUP = "group"
-_MAX_GROUPS = 24  # that are shown (choice)
+_MAX_GROUPS = 24  # rows of a table, about a screen (choice); groups that come later by name are left out
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
@@ -71,19 +71,26 @@ def _name(file: LogPart, sources: Sequence[Path]) -> str:
 
 
 def group_table(rows: Sequence[Row], groups: Mapping[str, Mapping[str, str]], pipeline: Pipeline) -> Table:
-    """Return the table of groups: how many curves each has, and median and quartiles of their values."""
+    """Return the table of groups: how many curves each has, and median and quartiles of their values.
+
+    `groups` has the labels of each curve by column, as in ``{"S1_07": {"animal": "3", "side": "left"}}``; a group is of
+    the curves that have all labels in common, and is called by them. Values are those of the first track.
+    """
     rows_by_group: dict[str, list[Row]] = {}
     for row in rows:
-        group = " ".join(groups.get(row["curve"], {}).values()).strip() or "none"
-        rows_by_group.setdefault(group, []).append(row)
+        labels = groups.get(row["curve"], {}).values()
+        group_name = " ".join(labels).strip() or "none"
+        rows_by_group.setdefault(group_name, []).append(row)
     units = value_units(pipeline.tracks[0].model)
     names = [name for name in units if any(row.get(name) for row in rows)]
     cells = []
-    for group, group_rows in sorted(rows_by_group.items())[:_MAX_GROUPS]:
-        # Of the first track, which all rows of files have.
-        summaries = summary_of([row for row in group_rows if row.get("track")], names)
-        quartiles = next(iter(summaries.values()), {}).get("quartiles", {})
-        values = [quartiles_text(quartiles.get(name), display_unit(units[name])[1]) for name in names]
-        cells.append([group, str(len({row["curve"] for row in group_rows})), *values])
+    for group_name, group_rows in sorted(rows_by_group.items())[:_MAX_GROUPS]:
+        # A row without a track has no values.
+        summary_by_track = summary_of([row for row in group_rows if row.get("track")], names)
+        first_summary = next(iter(summary_by_track.values()), {})
+        quartiles = first_summary.get("quartiles", {})
+        texts = [quartiles_text(quartiles.get(name), display_unit(units[name])[1]) for name in names]
+        curve_count = len({row["curve"] for row in group_rows})
+        cells.append([group_name, str(curve_count), *texts])
     headings = [f"{name}\n{display_unit(units[name])[0]}" for name in names]
     return Table.of("median (quartiles) of the groups", [GROUP, "curves", *headings], cells, [GROUP])

@@ -43,8 +43,9 @@ class ProfileIntervals:
     def interval(self, place: int, std: float, quantile: float) -> tuple[float, float] | None:
         """Return both ends of the interval of the free unknown at a place, or None where they are not found.
 
-        They are where the cost has risen by t^2/2 of what it rises by for one standard uncertainty `std` of correlated
-        residuals: the likelihood's shape, calibrated by the residual's real scatter.
+        With t the `quantile` of Student's distribution, the cost has risen there by t^2 std^2/(2 V_jj): t^2 times its
+        rise at one standard uncertainty `std`, if the cost were the parabola of the normal equations, of inverse V.
+        `std` allows for correlated residuals: the likelihood's shape, calibrated by the residual's real scatter.
         """
         j = self._free.index(place)
         variance = self._inverse[j, j]
