@@ -116,8 +116,8 @@ class _LogWriter:
             try:
                 work = self._waiting.get(timeout=FLUSH_EVERY)
             except queue.Empty:
-                work = _nothing
-            if work is None:
+                work = _only_save
+            if work is None:  # the end of the queue, from `finish`
                 return
             if self._failure is not None:  # no caller waits for a log that cannot be written
                 continue
@@ -130,5 +130,5 @@ class _LogWriter:
                 self._failure = error
 
 
-def _nothing() -> None:
-    """Do no work: only the clock moves on."""
+def _only_save() -> None:
+    """Write nothing: the log is saved after each piece of work, and also after this one."""
