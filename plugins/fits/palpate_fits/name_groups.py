@@ -17,7 +17,7 @@ from palpate_kit.terminal.table import Table
 from palpate_fits.quartile_table import quartiles_text
 
 GROUP = "group"
-_MAX_GROUPS = 24  # rows of a table, about a screen (choice); groups that come later by name are left out
+_MAX_GROUPS = 24  # rows of a table, about a screen (choice); later ones by name are counted in a last row
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
@@ -92,5 +92,7 @@ def group_table(rows: Sequence[Row], groups: Mapping[str, Mapping[str, str]], pi
         texts = [quartiles_text(quartiles.get(name), display_unit(units[name])[1]) for name in names]
         curve_count = len({row["curve"] for row in group_rows})
         cells.append([group_name, str(curve_count), *texts])
+    if (further_count := len(rows_by_group) - _MAX_GROUPS) > 0:
+        cells.append([f"and {further_count} more", *("" for _ in range(len(names) + 1))])
     headings = [f"{name}\n{display_unit(units[name])[0]}" for name in names]
     return Table.of("median (quartiles) of the groups", [GROUP, "curves", *headings], cells, [GROUP])
