@@ -100,7 +100,7 @@ def test_modules_of_pythonpath_are_those_of_one_call(palpate, tmp_path):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[palpate]\nmine = mine_tip\n")
-    for name in ("one", "two"):
+    for name in ("one", "three"):  # of another length, which compiled code of the same second is known by
         (tmp_path / "mine_tip.py").write_text(
             "from palpate import plugin\nfrom palpate_models import Sphere\n"
             f"@plugin\ndef palpate_indenters():\n    return {{'tip-{name}': Sphere}}\n"
