@@ -106,7 +106,7 @@ def test_modules_of_pythonpath_are_those_of_one_call(palpate, tmp_path):
             f"@plugin\ndef palpate_indenters():\n    return {{'tip-{name}': Sphere}}\n"
         )
         assert f"tip-{name}" in palpate("list", PYTHONPATH=tmp_path).stdout
-    assert "tip-two" not in palpate("list").stdout
+    assert "tip-three" not in palpate("list").stdout
 
 
 @pytest.mark.slow
