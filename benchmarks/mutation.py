@@ -51,7 +51,11 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
         "core/palpate_engine/safety/*.py core/palpate/arm_limits.py":
             "engine/test_safety.py devices/test_fence.py",
     },
-    "fence": {"core/palpate_arms/f[eo][nr]*.py": "devices/test_fence.py"},
+    "fence": {
+        "core/palpate_arms/fence.py": "devices/test_fence.py",
+        "core/palpate_arms/force_watch.py": "devices/test_force_watch.py engine/test_touch_watch.py",
+        "core/palpate_arms/force_control.py": "devices/test_force_hold.py",
+    },
     "uncertainty": {
         f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} uncertainty/test_late_force.py",
         f"{_UNCERTAINTY}/delay/timed_record.py {_UNCERTAINTY}/delay/response_laws.py {_UNCERTAINTY}/delay/delay_f*.py":
@@ -96,7 +100,7 @@ def main() -> None:
     known = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "checkout"
-        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "__pycache__", "runs", ".*_cache"))
+        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache"))
         os.chdir(copy)
         run = Path("run_tests.py")
         run.write_text(f"import sys\nsys.path[:0] = {_packages(copy)!r}\nimport pytest\nsys.exit(pytest.main())\n")
