@@ -181,29 +181,23 @@ def _measurements(
     no_constants = ca.SX.zeros(1, k + 1)
     no_mixed = ca.SX.zeros(k + 1, n)
     no_curvature = ca.SX.zeros(n, n)
-    return (
+    position, velocity = (
         _Measurement(
-            row=unit[0, :],
+            row=unit[place, :],
             by_constants=no_constants,
             mixed=no_mixed,
             curvature=no_curvature,
-            assumed_std=assumed[1],
-            real_std=real[1],
-        ),
-        _Measurement(
-            row=unit[1, :],
-            by_constants=no_constants,
-            mixed=no_mixed,
-            curvature=no_curvature,
-            assumed_std=assumed[2],
-            real_std=real[2],
-        ),
-        _Measurement(
-            row=row,
-            by_constants=by_constants,
-            mixed=mixed,
-            curvature=curvature,
-            assumed_std=assumed[0],
-            real_std=real[0],
-        ),
+            assumed_std=assumed[place + 1],
+            real_std=real[place + 1],
+        )
+        for place in (0, 1)
     )
+    reading = _Measurement(
+        row=row,
+        by_constants=by_constants,
+        mixed=mixed,
+        curvature=curvature,
+        assumed_std=assumed[0],
+        real_std=real[0],
+    )
+    return position, velocity, reading
