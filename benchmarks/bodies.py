@@ -1,16 +1,19 @@
 """Bodies that are fitted: two lumps near each other, one alone, three of a field; found, false, errors and coverage.
 
 Run it with: python benchmarks/bodies.py pairs|one|three|narrow|speed|breast [--count 50]. One process. Fields are
-arrays but for `breast`, which simulates the palpations of pipelines/breast.toml.
+arrays but for `breast`, which runs pipelines/breast.toml as a user does.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -18,10 +21,10 @@ import numpy as np
 from palpate import Floats
 from palpate_engine.config import load_pipeline
 from palpate_maps.body_field import FWHM
-from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, make_map, sites_along, sites_on
-from sweeps import paths
+from palpate_maps.map_analysis import Findings, Lump, Sites, find_lumps, make_map
 
 BREAST = Path(__file__).parent.parent / "pipelines" / "breast.toml"
+MATCH_DISTANCE = 8e-3  # [m] of a lump from the body that it is, at most: a width of one
 WIDTH = 8e-3 / FWHM  # [m] standard deviation of a lump 8 mm wide at half its height
 Bump = tuple[float, float, float, float]  # x, y [m], contrast, standard deviation [m]
 
@@ -126,8 +129,8 @@ def three(count: int) -> None:
                     (*place.tolist(), float(dice.uniform(0.15, 0.6)), float(dice.uniform(10e-3, 16e-3) / FWHM))
                 )
         findings = find_lumps(field(dice, bumps, 0.006, (0.066, 0.054), 6e-3))
-        wrong = [lump for lump in findings.lumps if all(math.dist(lump.place, b[:2]) > 8e-3 for b in bumps)]
-        lost = sum(all(math.dist(lump.place, b[:2]) > 8e-3 for lump in findings.lumps) for b in bumps)
+        wrong = [lump for lump in findings.lumps if all(math.dist(lump.place, b[:2]) > MATCH_DISTANCE for b in bumps)]
+        lost = sum(all(math.dist(lump.place, b[:2]) > MATCH_DISTANCE for lump in findings.lumps) for b in bumps)
         false, missed = false + bool(wrong), missed + lost
         certain += any(lump.p < 1e-3 for lump in wrong)
         if wrong or lost:
@@ -139,13 +142,37 @@ def three(count: int) -> None:
 
 
 def breast(count: int, first: int = 1) -> None:
-    """The palpations of pipelines/breast.toml with other seeds: lumps and false ones."""
+    """Runs of pipelines/breast.toml with other seeds, by the command line: its lumps that are named, and false ones."""
+    palpate = Path(sys.executable).with_name("palpate")
+    inclusions = load_pipeline(BREAST).devices["rig"].specimen.inclusions  # type: ignore[attr-defined]
+    true_places = np.array([inclusion.place for inclusion in inclusions])
+    missed = false = within_2u = 0
+    errors: list[float] = []
     for seed in range(first, first + count):
-        pipeline = replace(load_pipeline(BREAST, [f"run.seed={seed}"]), sinks={})
-        surface = next(iter(pipeline.surfaces.values()))
-        (path,) = paths(pipeline)
-        findings = find_lumps(sites_on(sites_along(path), surface))
-        print(seed, [row(lump) for lump in findings.lumps], flush=True)
+        with tempfile.TemporaryDirectory() as folder:
+            run = [palpate, "run", BREAST, "--set", f"run.seed={seed}", "--out", f"{folder}/run"]
+            subprocess.run(run, check=True, capture_output=True)
+            answer = subprocess.run(
+                [palpate, "map", "lumps", f"{folder}/run", "--json"], check=True, capture_output=True
+            )
+        lumps = json.loads(answer.stdout)["lumps"]
+        places = np.array([(lump["x"], lump["y"]) for lump in lumps]).reshape(-1, 2)
+        stds = np.array([lump["place_std"] for lump in lumps]).reshape(-1, 2)
+        distance = np.linalg.norm(places[:, None] - true_places, axis=2)
+        if len(lumps):
+            false += int((distance.min(axis=1) > MATCH_DISTANCE).sum())
+        for column, true_place in zip(distance.T, true_places, strict=True):
+            if not len(column) or column.min() > MATCH_DISTANCE:
+                missed += 1
+                continue
+            nearest = int(np.argmin(column))
+            errors.append(1e3 * float(column[nearest]))
+            within_2u += int((np.abs(places[nearest] - true_place) < 2 * stds[nearest]).sum())
+        print(seed, np.round(1e3 * places, 1).tolist(), [f"{lump['p']:.1g}" for lump in lumps], flush=True)
+    print(
+        f"{count} runs: {false} false lumps, {missed} of {count * len(true_places)} missed; error mm "
+        f"{np.median(errors):.2f} / {max(errors):.2f}, {within_2u} of {2 * len(errors)} coordinates within 2u"
+    )
 
 
 def narrow(count: int) -> None:

@@ -108,10 +108,11 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """Numbers of a relaxing material that a record determines, and those that a ball would give."""
+    """Numbers of a relaxing material that a record determines, and those that a ball, or a solid, would give."""
     return {
         "at-rest": Diagnosis("palpate_models.modulus_at_rest:at_rest", quick=True),
         "ball": Diagnosis("palpate_models.ball_alternative:ball_alternative", quick=True),
+        "solid": Diagnosis("palpate_models.solid_alternative:solid_alternative", quick=True),
     }
 
 
