@@ -107,6 +107,17 @@ def test_an_instruction_that_llvm_does_not_know_runs_on_the_virtual_machine(monk
     assert isinstance(compile_step(odd), VirtualMachine)
 
 
+@pytest.mark.parametrize(("is_brief", "name"), [(False, "LLVM"), (True, "CasADi virtual machine")])
+def test_a_large_step_for_a_few_samples_is_interpreted(
+    monkeypatch: pytest.MonkeyPatch, is_brief: bool, name: str
+) -> None:
+    """Machine code of 130 000 instructions takes minutes to make: here 30 are large."""
+    monkeypatch.setattr("palpate_kit.kernel._MAX_BRIEF_INSTRUCTIONS", 30)
+    output = ca.vertcat(*[ca.sin(k * a) * b for k in range(1, 12)])
+    kernel = compile_step(Step(x, w, p, x, output), is_brief=is_brief)
+    assert kernel.name == name
+
+
 def test_the_kernel_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = Step(x, w, p, x, a)
     monkeypatch.setenv("PALPATE_KERNEL", "vm")

@@ -16,6 +16,11 @@ from palpate_kit.kernel.virtual_machine import VirtualMachine
 __all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "step_function"]
 
 
+# LLVM takes 2.5 s for 15 000 instructions and minutes for 130 000; interpreting 130 000 takes 1 to 4 ms a sample. Code
+# below is made once and kept: a choice.
+_MAX_BRIEF_INSTRUCTIONS = 20_000
+
+
 @dataclass(frozen=True)
 class Step:
     """One step of a filter as expressions in CasADi symbols (SX columns): state, sample, settings -> state, output."""
@@ -46,10 +51,15 @@ def step_function(step: Step) -> Any:
     return casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
 
 
-def compile_step(step: Step) -> Kernel:
-    """Return the fastest kernel that this machine has, for a step; all of them give the same bits."""
+def compile_step(step: Step, is_brief: bool = False) -> Kernel:
+    """Return the fastest kernel that this machine has, for a step; all of them give the same bits.
+
+    A brief one runs over some thousand samples once: a large step is then interpreted, which takes less time than
+    making machine code of it.
+    """
     function = step_function(step)
-    if kernel_choice()[0] == "llvm":
+    is_worth_compiling = not is_brief or function.n_instructions() < _MAX_BRIEF_INSTRUCTIONS
+    if kernel_choice()[0] == "llvm" and is_worth_compiling:
         try:
             return CompiledStep(function)
         except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too

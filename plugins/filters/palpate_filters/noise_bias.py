@@ -133,7 +133,7 @@ def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
     state = np.zeros(step.state.numel())
     nx = 2 + len(track.model.memory)
     state[: nx * nx] = (_START_STD**2 * np.eye(nx)).ravel()
-    _, outputs = compile_step(step).run(state, _motion(track, rows), numbers)
+    _, outputs = compile_step(step, is_brief=True).run(state, _motion(track, rows), numbers)
 
     # The bias is information^-1 pull, each parameter in the unit in which its information is 1.
     stationary = outputs[int(_TRANSIENT_SHARE * len(rows)) :]

@@ -11,7 +11,7 @@ from palpate_models.poroelastic import Poroelastic
 
 _INNER_SHARES = (0.1, 0.9)  # of the record in contact, between which its depths count: the ramp to a hold is shorter
 # Squared ratio of the largest and the least contact radius, a choice: the gel's relaxation takes twice as long at one.
-_DISTINCT_TIMES = 2.0
+_MIN_TIME_RATIO = 2.0
 
 
 def solid_alternative(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -21,12 +21,13 @@ def solid_alternative(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed
     have the same force. With the lasting force E/(1 - nu_s^2) A(d) of the gel, the modulus of a solid of Poisson's
     ratio nu at all times is E (1 - nu^2)/(1 - nu_s^2). The pipeline states the law, so that no value is doubtful by it.
     """
-    conditions = {
-        track.name: _condition(track, track.model)
-        for track in tracks
-        if isinstance(track.model, Poroelastic) and _has_one_radius(track, track.model)
-    }
-    return {name: Diagnosed(conditions=(condition,)) for name, condition in conditions.items()}
+    diagnoses = {}
+    for track in tracks:
+        if isinstance(track.model, Poroelastic) and _has_one_radius(track, track.model):
+            condition = _condition(track, track.model)
+            if condition is not None:
+                diagnoses[track.name] = Diagnosed(conditions=(condition,))
+    return diagnoses
 
 
 def _has_one_radius(track: TrackEvidence, model: Poroelastic) -> bool:
@@ -35,17 +36,21 @@ def _has_one_radius(track: TrackEvidence, model: Poroelastic) -> bool:
     depth = depth[depth > 0]
     if not len(depth):
         return False
-    least, largest = (float(model.indenter.contact_radius(d)) for d in np.quantile(depth, _INNER_SHARES))
-    return largest**2 < _DISTINCT_TIMES * least**2
+    min_radius, max_radius = (float(model.indenter.contact_radius(d)) for d in np.quantile(depth, _INNER_SHARES))
+    return max_radius**2 < _MIN_TIME_RATIO * min_radius**2
 
 
-def _condition(track: TrackEvidence, model: Poroelastic) -> Condition:
-    """Return the condition with the shifts of modulus and Poisson's ratio."""
+def _condition(track: TrackEvidence, model: Poroelastic) -> Condition | None:
+    """Return the condition with the shifts of the values; None where the modulus stays within its uncertainty."""
     elasticity, drained_poisson, _ = track.values.tolist()
     ratio = (1.0 - model.poisson**2) / (1.0 - drained_poisson**2)
+    shift = (ratio - 1.0) * elasticity
+    if not abs(shift) > track.combined[0]:
+        return None
+    change = f"{100 * abs(ratio - 1.0):.0f} % {'lower' if ratio < 1.0 else 'higher'}"
     return Condition(
         fact="relaxation",
-        text=f"it is a gel whose solvent moves (a solid that relaxes: elasticity {100 * (1.0 - ratio):.0f} % lower)",
+        text=f"it is a gel whose solvent moves (a solid that relaxes: elasticity {change})",
         remedy="hold at two depths, or with two tips",
-        shifts={"elasticity": (ratio - 1.0) * elasticity, "drained_poisson": model.poisson - drained_poisson},
+        shifts={"elasticity": shift, "drained_poisson": model.poisson - drained_poisson},
     )
