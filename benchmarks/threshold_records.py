@@ -34,14 +34,14 @@ def stored_records(folder: Path) -> Iterator[tuple[str, Judge]]:
     latest: dict[str, Any] = {}
     diagnose, build = tracks.Tracks.results, record_tracks.build_result
 
-    def keep_diagnosis(*arguments: Any) -> Any:
-        latest["diagnose"] = partial(diagnose, *arguments)
-        return diagnose(*arguments)
+    def keep_diagnosis(*arguments: Any, **keywords: Any) -> Any:
+        latest["diagnose"] = partial(diagnose, *arguments, **keywords)
+        return diagnose(*arguments, **keywords)
 
-    def keep_judgement(pipeline: Any, folder: Path, facts: Any, live: Any, report: Any, results: Any, end: Any) -> Any:
+    def keep_judgement(*arguments: Any, **keywords: Any) -> Any:
         diagnose_again = latest["diagnose"]
-        latest["judge"] = lambda: build(pipeline, folder, facts, live, report, diagnose_again(), end)
-        return build(pipeline, folder, facts, live, report, results, end)
+        latest["judge"] = lambda: build(*arguments, **keywords | {"tracks": diagnose_again()})
+        return build(*arguments, **keywords)
 
     # What a fit and a run call when their estimates are made, so that only this is done again.
     tracks.Tracks.results = keep_diagnosis  # type: ignore[method-assign, assignment]

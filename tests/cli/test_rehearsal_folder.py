@@ -9,7 +9,7 @@ from palpate import ConfigurationError, LogError
 from palpate.offers import function_of
 from palpate.plugin_switch import only_plugins
 from palpate.registry import load_commands
-from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_commands.resume import remaining_pipeline
 from palpate_engine.config import load_pipeline, resolved_text
 from palpate_engine.pipeline import run_pipeline
 from palpate_kit.acquisition.computer import use_host

@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 from palpate import clock
-from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_commands.resume import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.ur.device import UR
 from palpate_engine.config import load_pipeline

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from palpate import Batch, Channel, Stream
 from palpate.estimation import Estimates, Samples
 from palpate_engine.alignment import AlignmentSettings, Ports
-from palpate_engine.pipeline import backlog as module, run_pipeline
-from palpate_engine.pipeline.backlog import Backlog
+from palpate_engine.pipeline import data_path as module, run_pipeline
+from palpate_engine.pipeline.data_path import Backlog
 from palpate_engine.pipeline.latency import Latency
 from palpate_engine.pipeline.tracks import Tracks, start_tracks
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from palpate_fits.columns.column_function import ColumnFunction, _compiled, _OnVirtualMachine
+from palpate_fits.columns.column_function import ColumnFunction, _compiled, _OnVirtualMachine, with_roots
 from palpate_fits.columns.column_table import ColumnTable
-from palpate_fits.columns.half_powers import with_roots
 
 from tests.filters.test_kernel import OPERATIONS, a, awkward, b, bits, p, w
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_commands.resume import remaining_pipeline
 from palpate_engine.config import load_pipeline, resolved_text
 from palpate_kit.runs.continuation import continue_pipeline
 from palpate_kit.runs.run_folder import RunFolder

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_commands.resume import remaining_pipeline
 from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 from palpate_maps.lump_criteria import TrackResponse

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate.evidence.track_tail import Tail
-from palpate_uncertainty.delay.passivity import force_lateness
+from palpate_uncertainty.delay.late_force import force_lateness
 
 STIFFNESS, MASS = 1500.0, 0.14
 TIME = np.arange(0.0, 3.0, 0.002)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from operator import methodcaller
+from pathlib import Path
 from typing import Any, TypeVar
 
+from palpate.clocks import clock
 from palpate.device import Batch
 from palpate.errors import OutputError, error_text
 from palpate.estimation import Estimates, Samples
@@ -15,9 +18,11 @@ from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
 
 from palpate_engine.config import Pipeline
 from palpate_engine.pipeline.closing_reserve import ClosingReserve
-from palpate_engine.pipeline.folder_watch import FolderWatch
 from palpate_engine.pipeline.plugin_failure import third_party_error
 from palpate_engine.pipeline.tracks import RunningTrack
+
+_LOOK_INTERVAL = 0.1  # [s]; a choice
+
 
 _Output = TypeVar("_Output")
 
@@ -105,3 +110,28 @@ class Outputs:
             self.failure = third_party_error(error, self._pipeline.registry)
             self._room.release()
             self._stop(error_text(self.failure))
+
+
+class FolderWatch:
+    """Compares, ten times a second, the folder at a path with the one that was there at first."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._last_look = folder, clock().now()
+        self._identity = _identity(folder)
+
+    @property
+    def is_gone(self) -> bool:
+        """True if the folder is known to have been moved or deleted."""
+        if clock().now() - self._last_look < _LOOK_INTERVAL:
+            return False
+        self._last_look = clock().now()
+        return _identity(self._folder) != self._identity
+
+
+def _identity(folder: Path) -> tuple[int, int] | None:
+    """Return device and inode of a folder; None without access to one."""
+    try:
+        status = os.stat(folder)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino

@@ -18,6 +18,16 @@ from palpate_report.run_contents import RunContents
 
 if TYPE_CHECKING:
     from palpate_report.folder_facts import FolderFacts
+import os
+import shutil
+import subprocess
+from tempfile import TemporaryDirectory
+
+from palpate import OutputError
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
+_TIMEOUT = 120.0  # [s] of a browser that prints: a choice
+
 
 _PAGES = (".html", ".htm")
 
@@ -119,7 +129,6 @@ def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by:
 
 def _hand_over(text: str, path: Path, pdf: bool) -> None:
     """Write a page, and print it to a PDF if requested, too."""
-    from palpate_report.pdf import print_pdf
 
     write_whole(path, text)
     typer.echo(f"report: {path}")
@@ -143,3 +152,37 @@ def _page(record: RunContents, track: str | None, anonymous: bool) -> str:
     if track is not None and track not in tracks:
         raise ConfigurationError(f"{record.path}: has no track {track!r}{suggest(track, tracks)}")
     return page_of(record, track, anonymous)
+
+
+def print_pdf(page: Path, target: Path) -> None:
+    """Print a page to a PDF; raises ConfigurationError without Chromium or Chrome, OutputError where it fails."""
+    browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    if browser is None:
+        raise ConfigurationError(
+            f"--pdf: neither Chromium nor Chrome is on the PATH; open {page} in a browser and print it"
+        )
+    with TemporaryDirectory(prefix="palpate-print-") as folder:
+        printed = Path(folder) / "report.pdf"
+        command = [
+            browser,
+            "--headless",
+            "--disable-gpu",
+            "--disable-extensions",
+            "--no-first-run",
+            "--no-pdf-header-footer",
+        ]
+        command += [f"--user-data-dir={folder}/profile", f"--print-to-pdf={printed}"]
+        # Root has no sandbox; the page is our own, lets no script but ours run, and may load nothing.
+        command += ["--no-sandbox"] if os.geteuid() == 0 else []
+        try:
+            done = subprocess.run(
+                [*command, page.resolve().as_uri()], capture_output=True, timeout=_TIMEOUT, check=False, text=True
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise OutputError(f"{target}: {browser} cannot print: {error}") from error
+        if not printed.is_file():
+            raise OutputError(f"{target}: {browser} printed nothing: {done.stderr.strip()[-300:]}")
+        try:
+            shutil.copyfile(printed, target)
+        except OSError as error:
+            raise OutputError(f"{target}: cannot write: {error.strerror}") from error

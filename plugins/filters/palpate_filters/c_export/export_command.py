@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -11,14 +12,14 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError, Problem, suggest
 from palpate_engine import Pipeline, Track, build_pipeline, load_pipeline, make_folder, write_new
-from palpate_kit.kernel.translation import Untranslatable
+from palpate_kit.kernel import step_function
+from palpate_kit.kernel.translation import Untranslatable, operations
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.terminal.options import Overrides
 
 from palpate_filters.c_export.c_program import header, part, share, source
-from palpate_filters.c_export.c_source import c_number
+from palpate_filters.c_export.c_source import CHEAP, c_number
 from palpate_filters.c_export.exported_track import ExportedTrack, export_track
-from palpate_filters.c_export.readme import readme
 from palpate_filters.c_export.test_vectors import Vectors, added_weight, make_vectors
 from palpate_filters.starting_fit import PAUSE
 
@@ -144,3 +145,26 @@ def _check(folder: Path) -> None:
     typer.echo(done.stdout.rstrip())
     if done.returncode != 0:
         raise RuntimeError(f"the exported filter does not pass its check in {folder}: {done.stderr or done.stdout}")
+
+
+def readme(filter: ExportedTrack, title: str, rate: float, tare_duration: float, pause: float) -> str:
+    """Return the text: the filter, its calls, its cost, its check."""
+    step = step_function(filter.recursion.step)
+    names = operations()
+    counts = Counter(names[step.instruction_id(k)] for k in range(step.n_instructions()))
+    divisions = counts["OP_DIV"] + counts["OP_INV"]
+    cheap = sum(count for name, count in counts.items() if name in CHEAP) - divisions
+    inert = sum(counts[name] for name in ("OP_CONST", "OP_INPUT", "OP_OUTPUT"))
+    return part("README.md").format(
+        title=title,
+        parameters=", ".join(f"{p.name} [{p.unit}]" for p in filter.model.parameters),
+        rate=rate,
+        first=filter.model.parameters[0].name.upper(),
+        tare=tare_duration,
+        pause=1e3 * pause,
+        mass=filter.mass,
+        cheap=cheap,
+        divisions=divisions,
+        functions=step.n_instructions() - cheap - divisions - inert,
+        opening=part("opening.md").format(window=filter.window) if filter.window > 0 else "",
+    )

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEnd, TrackEvidence
+from palpate import Diagnosed, Flag, Floats, Tail, TrackEnd, TrackEvidence
+from palpate_engine import acceleration
 from palpate_kit.budget.force_sensitivity import along
 
-from palpate_uncertainty.delay.passivity import force_lateness
 from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
+
+# Choices.
+_POLYNOMIAL_DEGREE = 5  # of the elastic force over the height: above the powers 1 to 2 of tips, for layers as well
+_PIECES = 12  # of the record, whose scatter is the standard error: long, so that their sums are nearly independent
+_MIN_SAMPLES = 200  # that go both ways over the same depths
+# Choices: the lateness that is reported, of a force ahead of its motion, which no passive material makes.
+_MIN_STANDARD_ERRORS = 5.0  # [standard errors] of a lateness that is not by chance
+_MIN_LATENESS = 3e-4  # [s] of a force ahead of its motion, below which it is not reported
+Column = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
 def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -45,3 +55,84 @@ def _finding(track: TrackEvidence, end: TrackEnd, lateness: float) -> Diagnosed:
             terms[parameter.name] = shift
     flag = Flag("force-late", text, effects=terms | dict.fromkeys(sorted(viscous), math.inf))
     return Diagnosed((flag,), terms=terms, unknown=viscous)
+
+
+def force_lateness(tail: Tail, tip_mass: float) -> float | None:
+    """Return the least lateness [s] of the force, where the contact gives out more work than chance explains.
+
+    `tail` has the latest samples of a track. Without the inertia of the tip (mass [kg]), the force is F = p(z) - c v:
+    p any elastic law of the height z, of stiffness k = -dp/dz > 0, v the velocity (down is negative), and c > 0 in a
+    material that dissipates. A force late by t is F - t dF/dt, about p(z) + (t k - c) v. The regression on v gives
+    t k - c, positive where t is longer than c/k, which is the material's own eta/G. The excess t - c/k is returned;
+    None without one.
+    """
+    contact = _contact_there_and_back(tail, tip_mass)
+    if contact is None:
+        return None
+    # The force as a polynomial of the height, plus a multiple of the velocity, by orthonormal columns.
+    polynomial = np.polynomial.chebyshev.chebvander(contact.height, _POLYNOMIAL_DEGREE).T
+    *elastic, viscous = _orthonormal((*polynomial, contact.velocity))
+    residual = contact.force
+    for column in elastic:
+        residual = residual - column * float((column * residual).sum())
+    thrust = float((viscous * residual).sum())  # (t k - c) times the length of the velocity's column
+    # Its standard error, by the scatter between pieces of the record.
+    products = np.array_split(viscous * (residual - viscous * thrust), _PIECES)
+    thrust_error = float(np.sqrt((np.array([float(piece.sum()) for piece in products]) ** 2).sum()))
+    # Over that length and the mean stiffness k it is the time t - c/k.
+    length = float((viscous * contact.velocity).sum())
+    stiffness = contact.stiffness()
+    if length <= 0 or stiffness <= 0:
+        return None
+    lateness = thrust / length / stiffness
+    standard_error = thrust_error / length / stiffness
+    return lateness if lateness > max(_MIN_LATENESS, _MIN_STANDARD_ERRORS * standard_error) else None
+
+
+@dataclass(frozen=True)
+class _BothWays:
+    """Samples of the depths that a tip passed both ways."""
+
+    height: Column  # height over half the range of heights, from -1 (lowest) to 1: falls as the tip goes deeper
+    velocity: Column  # [m/s]
+    force: Column  # [N] without the tip's inertia
+    half_range: float  # [m]
+
+    def stiffness(self) -> float:
+        """Return the mean stiffness k = -dF/dz [N/m], by linear regression of the force on the height."""
+        height = self.height - self.height.mean()
+        product = -float(((self.force - self.force.mean()) * height).sum())
+        return product * (1 / self.half_range / float((height**2).sum()))
+
+
+def _contact_there_and_back(tail: Tail, tip_mass: float) -> _BothWays | None:
+    """Return the samples of a tail at depths that it passed both ways; None of too few."""
+    force = tail.force + tip_mass * acceleration(tail.time, tail.velocity)
+    rows = np.isfinite(force) & np.isfinite(tail.velocity) & np.isfinite(tail.position)
+    depths = _common_depths(tail.position[rows & (tail.velocity < 0)], tail.position[rows & (tail.velocity > 0)])
+    if depths is None:
+        return None
+    low, high = depths
+    rows &= (tail.position >= low) & (tail.position <= high)
+    if np.count_nonzero(rows) < _MIN_SAMPLES or high <= low:
+        return None
+    height = (2 * tail.position[rows] - low - high) / (high - low)
+    return _BothWays(height, velocity=tail.velocity[rows], force=force[rows], half_range=(high - low) / 2)
+
+
+def _common_depths(down: Floats, up: Floats) -> tuple[float, float] | None:
+    """Return the lowest and highest position [m] that samples down (n,) and up (m,) have in common; None of few."""
+    if min(len(down), len(up)) < _MIN_SAMPLES / 2:
+        return None
+    return max(float(down.min()), float(up.min())), min(float(down.max()), float(up.max()))
+
+
+def _orthonormal(columns: Iterable[Column]) -> list[Column]:
+    """Return columns (n,) made orthogonal one by one, of length 1: by sums, so that every machine finds the same."""
+    basis: list[Column] = []
+    for column in columns:
+        for earlier in basis:
+            column = column - earlier * float((earlier * column).sum())
+        length = float(np.sqrt((column**2).sum()))
+        basis.append(column / length if length > 0 else column)
+    return basis
