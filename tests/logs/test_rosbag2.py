@@ -159,6 +159,24 @@ def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path, far):
     assert said.startswith(f"{len(after)} messages")
 
 
+@pytest.mark.slow
+def test_a_message_between_pages_that_cannot_be_read_is_kept(tmp_path):
+    """Each page has one message, and of a thousand pages in a row one can be read."""
+    bag = bag_of(tmp_path / "bag.db3", [[float(i)] * 400 for i in range(1500)])
+    with closing(sqlite3.connect(bag)) as database:
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+    raw, before = bytearray(bag.read_bytes()), rows_of(bag)
+    leaves = [at for at in range(size, len(raw), size) if raw[at] == 13]
+    kept_row = 900
+    for leaf in (*leaves[100:kept_row], *leaves[kept_row + 1 : 1100]):
+        raw[leaf : leaf + size] = b"\xaa" * size
+    bag.write_bytes(raw)
+    Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+    after = rows_of(tmp_path / "good.db3")
+    assert len(before) - len(after) == 999
+    assert after < before
+
+
 @pytest.mark.parametrize("missing", [1, 1000, 3000])
 def test_a_database_without_its_last_bytes_is_refused(tmp_path, missing):
     """SQLite reads the rest of a page that is cut as zeros, and its messages as if they had never been."""

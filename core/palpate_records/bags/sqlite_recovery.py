@@ -31,11 +31,9 @@ _MAX_SIZE = 1 << 42  # [bytes] to which a file is lengthened; zeros take no plac
 _PAGE_HEADS = 64  # [bytes] of a page that are not part of a message
 _FETCHED_MESSAGES = 64  # that are held at once
 # Behind damage messages are searched by their numbers, a window of numbers at a time. A window that cannot be read is
-# halved until its parts can be, or have their least width: one of 512 takes at most 1023 queries, and 15 after an empty
-# one, where more damage is likely.
+# halved until its parts can be, or have their least width: one of 512 takes at most 1023 queries.
 _WINDOW = 512  # numbers of a window
 _MAX_PARTS = 512  # of a window: its least part is a single number, and of a wider window as large a share
-_COARSE_STEP = 64  # numbers of the least part after an empty window
 _MAX_EMPTY_WINDOWS = 16  # in a row, before windows are doubled
 
 
@@ -224,8 +222,7 @@ def _readable_rows(old: sqlite3.Connection, database_path: Path) -> Iterator[lis
             if begin > end:
                 return
         # Behind damage, a window at a time: parts that cannot be read are halved.
-        min_width = max(width // _MAX_PARTS, _COARSE_STEP if empty_windows else 1)
-        rows = _rows_between(old, begin, begin + width, min_width)
+        rows = _rows_between(old, begin, begin + width, min_width=width // _MAX_PARTS)
         # Messages in a wide window: the same numbers again, in small windows.
         if rows and width > _WINDOW:
             width = _WINDOW
@@ -272,8 +269,13 @@ def _last_number(old: sqlite3.Connection, database_path: Path) -> int:
 
 def _rows_between(old: sqlite3.Connection, begin: int, end: int, min_width: int) -> list[Row]:
     """Return the readable messages of [begin, end); a part that cannot be read is halved, down to a least width."""
+    last = min(end - 1, _MAX_NUMBER)
+    # Behind the last number of a range SQLite looks at the next message, whose page may be damaged; behind one it looks
+    # for by its number it does not.
+    is_in_part = "id = ?" if begin == last else "id >= ? AND id <= ?"
+    numbers = (begin,) if begin == last else (begin, last)
     try:
-        return old.execute(f"{_MESSAGES} WHERE id >= ? AND id <= ?", (begin, min(end - 1, _MAX_NUMBER))).fetchall()
+        return old.execute(f"{_MESSAGES} WHERE {is_in_part}", numbers).fetchall()
     except sqlite3.Error:
         if end - begin <= min_width:
             return []
