@@ -134,6 +134,18 @@ def test_a_wide_lump_clears_no_place_that_nobody_was_near(curved):
     assert search._on_lumps(search.middles)[~far].any()
 
 
+@pytest.mark.parametrize("name", ["half ellipsoid", "touched"])
+def test_the_middle_of_a_lump_may_lie_beyond_what_is_known(name, tmp_path):
+    """A fit places the middle of a half seen lump outside of the touches: it is as high as the skin next to it."""
+    area = over(SURFACES[name](tmp_path))
+    outside, inside = np.array([[0.09, 0.0]]), np.array([[0.01, 0.0]])
+    assert area.skin.surface.uppermost(outside).unknown
+    lifted = area.lift(np.vstack([outside, inside]))
+    nearest = area.nodes[np.argmin(np.linalg.norm(area.nodes[:, :2] - outside, axis=1))]
+    assert lifted[0].tolist() == [*outside[0], nearest[2]]
+    assert lifted[1].tolist() == area.skin.surface.uppermost(inside).position[0].tolist()
+
+
 def points_at(sites, places):
     """The same sites elsewhere."""
     return type(sites)(places, sites.log, sites.std, sites.time, sites.standing)

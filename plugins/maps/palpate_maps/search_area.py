@@ -14,6 +14,7 @@ from palpate_engine import Pipeline, ask_devices
 
 from palpate_maps.grid_cells import Cells, thinned
 from palpate_maps.search_skin import SearchSkin, skin_share, tips_on
+from palpate_maps.stiffness_field import distances
 
 Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
@@ -51,8 +52,20 @@ class Area:
         return self._allows(places)
 
     def lift(self, places: Floats) -> Floats:
-        """Return places (n, 2) [m] as they are, or on the surface (n, 3); raises ConfigurationError if unknown."""
-        return places if self.skin is None else surface_points(self.skin.surface, places).position
+        """Return places (n, 2) [m] as they are, or on the surface (n, 3).
+
+        Beyond what is known of the surface, where the middle of a fitted lump may lie, a place is as high as the
+        nearest node.
+        """
+        if self.skin is None:
+            return places
+        unknown = sorted(self.skin.surface.uppermost(places).unknown)
+        nearest = np.argmin(distances(places[unknown], self.nodes[:, :2]), axis=1)
+        known = np.delete(np.arange(len(places)), unknown)
+        lifted = np.column_stack([places, np.zeros(len(places))])
+        lifted[unknown, 2] = self.nodes[nearest, 2]
+        lifted[known] = surface_points(self.skin.surface, places[known]).position
+        return lifted
 
 
 def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -> Area:
