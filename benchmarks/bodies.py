@@ -80,7 +80,7 @@ def pairs(count: int) -> None:
             if len(findings.lumps) == 2:
                 lumps = matched(findings, bumps)
                 near += all(math.dist(lump.place, b[:2]) < 1.5e-3 for lump, b in zip(lumps, bumps, strict=True))
-                inside += [within(lump, b) for lump, b in zip(lumps, bumps, strict=True) if lump.bodies == 1]
+                inside += [within(lump, b) for lump, b in zip(lumps, bumps, strict=True) if len(lump.bodies) == 1]
         print(
             f"noise {noise} gap {gap} {contrasts}: lumps {np.bincount(numbers)}, two within 1.5 mm {near} of {count}, "
             f"contrast, place, width within 2u {_share(inside)}",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 
+from palpate_maps.body_field import rise
 from palpate_maps.clearance import Clearance, PatchGrid
 from palpate_maps.field_gain import FieldGain
 from palpate_maps.grid_cells import Cells, grid_steps, thinned
@@ -140,9 +141,12 @@ class AreaSearch:
     def _remainder(self, sites: Sites) -> Hiding:
         """Return the patches that remain apart from known lumps and likely patches, which it takes up one by one.
 
-        A patch that two points or passes have checked is known by its odds, though no p-value calls it a lump.
+        The sites are taken without the rise by the bodies of known lumps, whose flanks are no patches. A patch that two
+        points or passes have checked is known by its odds, though no p-value calls it a lump.
         """
         self._visits = sites.place
+        bodies = [body for item in self.lumps for body in item.lump.bodies]
+        sites = replace(sites, log=sites.log - rise(bodies, sites.place)[0])
         self.patches = []
         while True:
             covered, on_lumps = self._on_lumps(sites.place), self._on_lumps(self.middles)

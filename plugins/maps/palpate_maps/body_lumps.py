@@ -43,7 +43,7 @@ def body_lump(fit: BodyFit, members: Sequence[int], points: Floats, contact_radi
         place_std=(float(np.sqrt(place_variance[0])), float(np.sqrt(place_variance[1]))),
         width_std=float(np.sqrt(body_covariance[-1, -1])),
         size=own_size(bodies, float(np.sqrt(body_covariance[-1, -1])), contact_radius),
-        bodies=len(bodies),
+        bodies=tuple(bodies),
     )
 
 

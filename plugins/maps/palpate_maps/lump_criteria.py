@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from palpate import Floats
 
-from palpate_maps.body_field import FWHM, BodyFit
+from palpate_maps.body_field import FWHM, Body, BodyFit
 
 # A lump of one small body is some 10 mm wide, the width of the contact; both limits are choices, and give a warning.
 _LONG = 18e-3  # [m] beyond which a lump may be two: less than twice that width
@@ -76,13 +76,13 @@ class Lump:
     place_std: tuple[float, float] | None = None  # [m] of its middle; None where no body was fitted
     width_std: float | None = None  # relative, of its extents
     size: tuple[float, float] | None = None  # [m] own width without the tip's blur, and its standard deviation
-    bodies: int = 1  # that it was fitted by; more that no dip parts may be several
+    bodies: tuple[Body, ...] = ()  # that were fitted to it; more that no dip parts may be several lumps
 
     @property
     def may_be_two(self) -> bool:
         """True where several bodies that no dip parts explain it, or it is longer than one body as wide would be."""
         long, wide = self.axes
-        return self.bodies > 1 or long > max(_LONG, _LONG_OVER_WIDE * wide)
+        return len(self.bodies) > 1 or long > max(_LONG, _LONG_OVER_WIDE * wide)
 
 
 # A tip feels the mean over its contact of radius a: by the pressure of Hertz, sqrt(1 - r^2/a^2), its variance along an
@@ -152,7 +152,7 @@ class Findings:
             if lump.may_be_two:
                 x, y, long, wide = (1e3 * size for size in (*lump.place, *lump.axes))
                 reason = f"is {long:.0f} mm long and {wide:.0f} mm wide"
-                if lump.bodies > 1:
-                    reason = f"is explained by {lump.bodies} bodies without a dip between them"
+                if len(lump.bodies) > 1:
+                    reason = f"is explained by {len(lump.bodies)} bodies without a dip between them"
                 doubts.append(f"the lump at ({x:.1f}, {y:.1f}) mm {reason}: may be two")
         return "; ".join(doubts) or None
