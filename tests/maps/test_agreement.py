@@ -137,6 +137,21 @@ def test_the_command_says_by_which_uncertainty(palpate, simulate, tmp_path):
     assert "of rig and law" in palpate("map", same).stdout
 
 
+@pytest.mark.slow
+def test_a_map_on_a_surface_and_one_in_a_plane_share_no_place(palpate, simulate, tmp_path):
+    on_surface = (
+        'surface.skin={type="plane"}',
+        "alignment.surface=skin",
+        "trajectory.raster.surface=skin",
+        "device.rig.specimen.body=skin",
+        "device.rig.specimen.relief={}",
+    )
+    flat, lifted = simulate(1), simulate(2, 0, 3.0, *on_surface)
+    done = palpate("map", "agree", flat, lifted, "--out", tmp_path / "agree.png")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"palpate: {lifted} lies on a surface and {flat} in a plane: they share no place\n"
+
+
 def test_one_run_is_not_compared(palpate, tmp_path):
     done = palpate("map", "agree", tmp_path)
     assert done.returncode == 2

@@ -131,9 +131,17 @@ def _run_map(run: Path, name: str, track: str, parameter: str | None) -> RunMap:
 
 
 def _pairs(maps: list[RunMap]) -> list[RunPair]:
-    """Return the agreement of every two runs, with p-values that are corrected for their number."""
+    """Return the agreement of every two runs, with p-values that are corrected for their number.
+
+    Raises ConfigurationError for a map on a surface and one in a plane.
+    """
     from palpate_maps.map_agreement import map_agreement
     from palpate_maps.rig_share import fact_differences
+
+    on_surface = [run_map.folder for run_map in maps if run_map.sites.place.shape[1] == 3]
+    in_plane = [run_map.folder for run_map in maps if run_map.folder not in on_surface]
+    if on_surface and in_plane:
+        raise ConfigurationError(f"{on_surface[0]} lies on a surface and {in_plane[0]} in a plane: they share no place")
 
     pairs = []
     for first, second in combinations(maps, 2):
