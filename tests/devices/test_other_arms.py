@@ -15,7 +15,7 @@ from palpate_arms.arm_link import ArmLink
 from palpate_arms.arm_states import low_rate
 from palpate_engine import trust_plugin
 from palpate_engine.cli import call
-from palpate_simulation.rehearse import _rehearsed
+from palpate_simulation.rehearse import load_rehearsal
 from palpate_simulation.twins.faults import apply_fault
 from palpate_simulation.twins.simulated_computer import simulated
 from palpate_testing import ArmTest, check_device, simulated_time
@@ -182,7 +182,7 @@ def left(text):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("arm", ["mine", "seven"])
-def test_an_arm_is_rehearsed_by_its_model(rehearse, arm):
+def test_an_arm_isload_rehearsal_by_its_model(rehearse, arm):
     done, table = rehearse(arm, SHORT)
     assert done.returncode == 0, done.stderr
     value, uncertainty = elasticity(table)
@@ -192,7 +192,7 @@ def test_an_arm_is_rehearsed_by_its_model(rehearse, arm):
 
 
 @pytest.mark.slow
-def test_its_acceptance_is_rehearsed(rehearse, palpate):
+def test_its_acceptance_isload_rehearsal(rehearse, palpate):
     rehearse("mine", "trajectory.press.duration=1 s")
     done = palpate("acceptance", "out/pipeline.toml", "--step", "free-air/estop", "--out", "acceptance")
     assert done.returncode == 0, done.stderr
@@ -373,7 +373,7 @@ def bench(rehearse, tmp_path, mine):
     file = tmp_path / "point.toml"
     file.write_text(text.replace("seed = 1\n", f'seed = 1\nplugins = ["{tmp_path / "variants.py"}"]\n'))
     specimen = ("twin.*.specimen.elasticity=60 kPa", "twin.*.specimen.viscosity=150 Pa*s", "twin.*.height=20 mm")
-    (settings,) = _rehearsed(file, specimen).twins.values()
+    (settings,) = load_rehearsal(file, specimen).twins.values()
     with simulated(settings, 0) as world:
         yield world, file
 

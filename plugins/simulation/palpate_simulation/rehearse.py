@@ -18,9 +18,11 @@ from palpate_kit.terminal.result_summary import result_views
 from palpate_kit.terminal.table import Table, console
 from pydantic import TypeAdapter, ValidationError
 
-_ACTORS = ("robot", "sensor", "main")
-_HOLD_UP = re.compile(r"(?P<who>\w+)\s+(?P<duration>[\d.]+\s*\w+)(\s+every\s+(?P<every>[\d.]+\s*\w+))?")
-_TIME = TypeAdapter(Time)
+PROCESSES = ("robot", "sensor", "main")
+HOLD_UP = re.compile(r"(?P<process>\w+)\s+(?P<duration>[\d.]+\s*\w+)(\s+every\s+(?P<period>[\d.]+\s*\w+))?")
+TIME = TypeAdapter(Time)
+DETAILS_WIDTH = 120  # columns of the tables with all details (a choice)
+TWIN_PREFIX = "twin.*."  # of an override for whatever twin the rig has
 
 
 def rehearse(
@@ -45,72 +47,80 @@ def rehearse(
     details: DetailsOption = False,
 ) -> None:
     """Run the pipeline of a robot in simulated time: nothing real moves, and every time it goes the same way."""
-    pipeline = _rehearsed(file, [*(overrides or []), *_of_specimen(specimen or [])])
+    pipeline = load_rehearsal(file, [*(overrides or []), *_specimen_overrides(specimen or [])])
     (twin,) = pipeline.twins.values()
-    hold_ups, faults = [_hold_up(text) for text in hold_up or []], _faults(fault or [])
+    hold_ups = [_parse_hold_up(text) for text in hold_up or []]
+    faults = _parse_faults(fault or [])
     rehearsal = {"faults": fault or [], "hold_ups": hold_up or [], "seed": seed}
     result: Result | None = None
     failure: DeviceError | None = None
     with twin.simulated(seed, hold_ups) as bench:
-        script = _Script(bench, faults)
+        script = _FaultScript(bench, faults)
         try:
             result = run_pipeline(pipeline, out, script.progress, rehearsal=rehearsal)
         except DeviceError as error:
             failure = error
         truth = bench.truth
     if result is not None:
-        terminal = console(120 if details else WIDTH)
+        terminal = console(DETAILS_WIDTH if details else WIDTH)
         for view in result_views(pipeline, result, details):
             print_view(terminal, view)
         typer.echo(f"written to {result.folder}")
     if pipeline.safety is not None:
-        console().print(_limits(truth, pipeline.safety).view())
-    for words, _ in script.waiting:
-        typer.echo(f"{words} was never made: the run ended before its time", err=True)
+        console().print(_limit_table(truth, pipeline.safety).view())
+    for name, _ in script.pending:
+        typer.echo(f"{name} was never made: the run ended before its time", err=True)
     if failure is not None:
         raise failure
     assert result is not None
     result.demand_whole()
 
 
-def _of_specimen(entries: Sequence[str]) -> Iterator[str]:
-    """Settings of the specimen of whatever twin there is; raises ConfigurationError."""
+def _specimen_overrides(entries: Sequence[str]) -> Iterator[str]:
+    """Yield the overrides twin.*.specimen.KEY=VALUE of entries KEY=VALUE; raises ConfigurationError for any other."""
     for entry in entries:
         if "=" not in entry:
             raise ConfigurationError(f'--specimen {entry!r}: expected "KEY=VALUE", such as "elasticity=100 kPa"')
-        yield f"twin.*.specimen.{entry}"
+        yield f"{TWIN_PREFIX}specimen.{entry}"
 
 
-def _rehearsed(file: Path, overrides: Sequence[str]) -> Pipeline:
-    """Return a pipeline that can be rehearsed; raises ConfigurationError."""
-    stated = [entry for entry in overrides if not entry.startswith("twin.*")]
-    rest = [entry.removeprefix("twin.*.") for entry in overrides if entry.startswith("twin.*")]
-    pipeline = load_pipeline(file, stated)
+def load_rehearsal(file: Path, overrides: Sequence[str]) -> Pipeline:
+    """Return a rig's pipeline with one twin; raises ConfigurationError where it cannot be rehearsed.
+
+    Overrides twin.*.KEY=VALUE are those of the pipeline's twin, or of one that stands in for its devices.
+    """
+    pipeline_overrides = [entry for entry in overrides if not entry.startswith(TWIN_PREFIX)]
+    twin_overrides = [entry.removeprefix(TWIN_PREFIX) for entry in overrides if entry.startswith(TWIN_PREFIX)]
+    pipeline = load_pipeline(file, pipeline_overrides)
     if not pipeline.trajectories or not any(device.live for device in pipeline.devices.values()):
         raise ConfigurationError(f"{file}: nothing to rehearse: no live device with a [trajectory.*] table")
     if len(pipeline.twins) > 1:
         raise ConfigurationError(f"{file}: expected one [twin.*] table, not {len(pipeline.twins)}")
     if not pipeline.twins:
-        if not rest:
+        if not twin_overrides:
             raise ConfigurationError(
                 f"{file} has no [twin.*] table: what does the tip press on? For example "
                 '--specimen "elasticity=100 kPa" --specimen "viscosity=300 Pa*s"'
             )
-        stated += _stand_in(pipeline)
+        pipeline_overrides += _stand_in_overrides(pipeline)
     name = next(iter(pipeline.twins), "rehearsal")
-    return load_pipeline(file, [*stated, *(f"twin.{name}.{entry}" for entry in rest), f'run.rehearsal="{name}"'])
+    named_overrides = [f"twin.{name}.{entry}" for entry in twin_overrides]
+    return load_pipeline(file, [*pipeline_overrides, *named_overrides, f'run.rehearsal="{name}"'])
 
 
-def _stand_in(pipeline: Pipeline) -> Iterator[str]:
-    """Settings of a twin for a rig that has none; raises ConfigurationError where no twin is made for it."""
-    for kind, entry in pipeline.registry.parts["twin"].items():
+def _stand_in_overrides(pipeline: Pipeline) -> Iterator[str]:
+    """Yield the overrides that add a twin to a rig without one: the first that stands in for its devices.
+
+    Raises ConfigurationError where no twin does.
+    """
+    for part_name, entry in pipeline.registry.parts["twin"].items():
         if entry.problem is not None:
             continue
         part = entry.part
         assert issubclass(part, Twin)
         settings = part.stand_in(pipeline.devices, pipeline.alignment.tip_mass)
         if settings is not None:
-            yield f'twin.rehearsal.type="{kind}"'
+            yield f'twin.rehearsal.type="{part_name}"'
             yield f'twin.rehearsal.specimen.model="{next(iter(pipeline.models), "")}"'
             yield from (f"twin.rehearsal.{key}={value}" for key, value in settings.items())
             return
@@ -118,90 +128,95 @@ def _stand_in(pipeline: Pipeline) -> Iterator[str]:
     raise ConfigurationError(f"{pipeline.path}: no twin stands in for {names}; a [twin.*] table says what does")
 
 
-def _hold_up(text: str) -> HoldUp:
-    match = _HOLD_UP.fullmatch(text.strip())
+def _parse_hold_up(text: str) -> HoldUp:
+    """Return the hold-up of a text PROCESS DURATION [every PERIOD], such as "robot 8 ms every 1 s".
+
+    Raises ConfigurationError for any other text, and for a period that is not longer than the hold-up.
+    """
+    option = f"--hold-up {text!r}"
+    match = HOLD_UP.fullmatch(text.strip())
     if match is None:
-        raise ConfigurationError(f'--hold-up {text!r}: expected "WHO DURATION" or "WHO DURATION every PERIOD"')
-    if match["who"] not in _ACTORS:
-        raise ConfigurationError(f"--hold-up {text!r}: {match['who']} is unknown{suggest(match['who'], _ACTORS)}")
-    duration = _seconds(match["duration"], f"--hold-up {text!r}")
-    every = None if match["every"] is None else _seconds(match["every"], f"--hold-up {text!r}")
-    if every is not None and every <= duration:
-        raise ConfigurationError(f"--hold-up {text!r}: expected a period of more than the {1e3 * duration:g} ms")
-    return HoldUp(match["who"], duration, 0.0 if every is None else every, every)
+        raise ConfigurationError(f'{option}: expected "WHO DURATION" or "WHO DURATION every PERIOD"')
+    process = match["process"]
+    if process not in PROCESSES:
+        raise ConfigurationError(f"{option}: {process} is unknown{suggest(process, PROCESSES)}")
+    duration = _parse_time(match["duration"], option)
+    if match["period"] is None:
+        return HoldUp(process, duration, 0.0, None)
+    period = _parse_time(match["period"], option)
+    if period <= duration:
+        raise ConfigurationError(f"{option}: expected a period of more than the {1e3 * duration:g} ms")
+    return HoldUp(process, duration, period, period)
 
 
-def _faults(texts: Sequence[str]) -> list[tuple[str, float]]:
-    """Faults and their times [s], the earliest first."""
+def _parse_faults(texts: Sequence[str]) -> list[tuple[str, float]]:
+    """Return faults with their numbers, and their times [s], of texts "FAULT@TIME"; the earliest first."""
     faults = []
     for text in texts:
-        words, mark, time = text.rpartition("@")
-        if not mark or not words.strip():
+        fault, mark, time = text.rpartition("@")
+        if not mark or not fault.strip():
             raise ConfigurationError(f'--fault {text!r}: expected "NAME@TIME", such as "protective-stop@3 s"')
-        faults.append((words.strip(), _seconds(time, f"--fault {text!r}")))
+        faults.append((fault.strip(), _parse_time(time, f"--fault {text!r}")))
     return sorted(faults, key=lambda entry: entry[1])
 
 
-def _seconds(text: str, where: str) -> float:
+def _parse_time(text: str, option: str) -> float:
+    """Return the time [s] of a text such as "8 ms"; raises ConfigurationError, which begins with the option."""
     try:
-        seconds = float(_TIME.validate_python(text.strip()))
+        seconds = float(TIME.validate_python(text.strip()))
     except (ValidationError, ConfigurationError) as error:
-        raise ConfigurationError(f"{where}: {text.strip()!r} is not a time, such as 8 ms") from error
+        raise ConfigurationError(f"{option}: {text.strip()!r} is not a time, such as 8 ms") from error
     if not 0.0 <= seconds < math.inf:
-        raise ConfigurationError(f"{where}: {text.strip()!r} is not a time that comes")
+        raise ConfigurationError(f"{option}: {text.strip()!r} is not a time that comes")
     return seconds
 
 
 @dataclass
-class _Script:
-    """Faults that wait for their times in the record."""
+class _FaultScript:
+    """Faults with their numbers that are made at their times [s] in the record, the earliest first."""
 
     bench: SimulatedTwin
-    waiting: list[tuple[str, float]]
+    pending: list[tuple[str, float]]
 
     def __post_init__(self) -> None:
-        known = {entry.split()[0]: entry for entry in self.bench.faults}
-        for words, _ in self.waiting:
-            name = words.split()[0]
-            if name not in known:
-                all_of_them = ", ".join(known.values())
+        """Raise ConfigurationError for a fault that the twin does not have, or with too few or too many numbers."""
+        usages = {entry.split()[0]: entry for entry in self.bench.faults}
+        for fault, _ in self.pending:
+            name = fault.split()[0]
+            if name not in usages:
+                all_usages = ", ".join(usages.values())
                 raise ConfigurationError(
-                    f"--fault {name}: no such fault{suggest(name, known)}; all of them: {all_of_them}"
+                    f"--fault {name}: no such fault{suggest(name, usages)}; all of them: {all_usages}"
                 )
-            if len(words.split()) != len(known[name].split()):
-                raise ConfigurationError(f'--fault {words!r}: expected "{known[name]}@TIME"')
+            if len(fault.split()) != len(usages[name].split()):
+                raise ConfigurationError(f'--fault {fault!r}: expected "{usages[name]}@TIME"')
 
     def progress(self, reached: float, total: float | None, behind: float) -> None:
-        """Make the faults that are due."""
-        while self.waiting and reached >= self.waiting[0][1]:
-            words, _ = self.waiting.pop(0)
+        """Make the faults that are due at a time [s] of the record, `reached`."""
+        while self.pending and reached >= self.pending[0][1]:
+            fault, _ = self.pending.pop(0)
             try:
-                self.bench.fault(words)
+                self.bench.fault(fault)
             except ConfigurationError as error:
-                raise ConfigurationError(f"--fault {words!r}: {error}") from error
+                raise ConfigurationError(f"--fault {fault!r}: {error}") from error
 
 
-def _limits(truth: ArmTruth, limits: SafetySettings) -> Table:
-    """What the arm truly did against each limit."""
-    mm, degrees, speed = 1e3, math.degrees(1.0), limits.retract_speed or limits.speed
-    ranges = [
-        *(
-            (f"{axis}, {side}", "mm", mm, reached[i], limit[i], sign * (reached[i] - limit[i]))
-            for i, axis in enumerate("xyz")
-            for side, reached, limit, sign in (("low", truth.low, limits.low, 1), ("high", truth.high, limits.high, -1))
-        ),
-        ("speed", "mm/s", mm, truth.speed, speed, speed - truth.speed),
-        (
-            "turn of the tool",
-            "deg/s",
-            degrees,
-            truth.turning,
-            limits.angular_speed,
-            limits.angular_speed - truth.turning,
-        ),
-        ("force on the skin", "N", 1.0, truth.force, limits.force, limits.force - truth.force),
-    ]
-    rows = [(what, *(f"{scale * value:z.2f} {unit}" for value in values)) for what, unit, scale, *values in ranges]
+def _limit_table(truth: ArmTruth, limits: SafetySettings) -> Table:
+    """Return a table of what the arm truly did against each limit: reached, allowed, and left to the limit."""
+
+    def row(name: str, unit: str, scale: float, reached: float, limit: float, sign: int = -1) -> tuple[str, ...]:
+        """Return a row in a unit that is 1/scale of SI; a limit is an upper one, or a lower one with a sign of 1."""
+        numbers = (reached, limit, sign * (reached - limit))
+        return name, *(f"{scale * number:z.2f} {unit}" for number in numbers)
+
+    mm, degree = 1e3, math.degrees(1.0)
+    rows = []
+    for i, axis in enumerate("xyz"):
+        rows.append(row(f"{axis}, low", "mm", mm, truth.low[i], limits.low[i], sign=1))
+        rows.append(row(f"{axis}, high", "mm", mm, truth.high[i], limits.high[i]))
+    rows.append(row("speed", "mm/s", mm, truth.speed, limits.retract_speed or limits.speed))
+    rows.append(row("turn of the tool", "deg/s", degree, truth.turning, limits.angular_speed))
+    rows.append(row("force on the skin", "N", 1.0, truth.force, limits.force))
     # [safety] limits the acceleration of the motion; a stop brakes as hard as the robot can.
     rows.append(("acceleration", f"{truth.acceleration:.2f} m/s^2", f"{limits.acceleration:.2f} m/s^2 in motion", ""))
     title = "What the arm did" + ("; it still moves" if truth.moving else "")

@@ -1,4 +1,4 @@
-"""How a position-controlled robot follows its setpoints."""
+"""Motion of a position-controlled robot that follows its setpoints."""
 
 from __future__ import annotations
 
@@ -9,13 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-_UNREST = (0.5, 20.0)  # [Hz] between which an arm deviates: a UR3e in a slow sweep, as recorded by others
-_SINES = 64
+# Frequencies [Hz] between which an arm deviates: a UR3e in a slow sweep, as recorded by others (0284).
+MIN_UNREST_FREQUENCY, MAX_UNREST_FREQUENCY = 0.5, 20.0
+SINES = 64  # of the unrest (0284; a choice: enough for a nearly normal deviation)
+TICK_ROUNDING = 1e-9  # of a period: an instant so little before a tick is on it
 
 
 @dataclass(frozen=True)
 class TrackedMotion:
-    """A motion that is known at every instant: commanded speed is constant within a control period."""
+    """A motion that is known at every instant: the commanded speed u is constant within a control period.
+
+    The speed v follows it with a lag, lag v' = u - v.
+    """
 
     position: Floats  # (n, 3) [m] at the control ticks
     velocity: Floats  # (n, 3) [m/s]
@@ -24,59 +29,59 @@ class TrackedMotion:
     lag: float  # [s]
 
     def at(self, instants: Floats) -> tuple[Floats, Floats, Floats]:
-        """Position, velocity and acceleration (m, 3) at instants (m,) [s] since the first tick."""
-        tick, elapsed = self._since(instants)
-        return _advance(self.position[tick], self.velocity[tick], self.command[tick], elapsed, self.lag)
+        """Return position, velocity and acceleration (m, 3) at instants (m,) [s] since the first tick.
+
+        The exact solution of lag v' = u - v in the time t since the tick before, with e = exp(-t/lag):
+        x + u t + (v - u) lag (1 - e), u + (v - u) e, -(v - u) e/lag.
+        """
+        tick, elapsed = self._tick_before(instants)
+        command = self.command[tick]
+        decay = np.exp(-elapsed / self.lag)
+        excess = self.velocity[tick] - command
+        position = self.position[tick] + command * elapsed + excess * self.lag * (1.0 - decay)
+        return position, command + excess * decay, -excess * decay / self.lag
 
     def velocity_at(self, instants: Floats) -> Floats:
-        """Velocity (m, 3) at instants (m,) [s] since the first tick: as `at` has it."""
-        tick, elapsed = self._since(instants)
+        """Return the velocity (m, 3) at instants (m,) [s] since the first tick, the one that `at` returns."""
+        tick, elapsed = self._tick_before(instants)
         command = self.command[tick]
         return np.asarray(command + (self.velocity[tick] - command) * np.exp(-elapsed / self.lag))
 
-    def _since(self, instants: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """Return the tick before each instant, and the time (m, 1) [s] since it."""
-        tick = np.clip((instants / self.period + 1e-9).astype(np.int64), 0, len(self.position) - 1)
+    def _tick_before(self, instants: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Return the index (m,) of the tick before each instant (m,) [s], and the time (m, 1) [s] since that tick."""
+        tick = np.clip((instants / self.period + TICK_ROUNDING).astype(np.int64), 0, len(self.position) - 1)
         return tick, np.maximum(instants - tick * self.period, 0.0)[:, None]
 
     def mean_acceleration(self, instants: Floats, width: float) -> Floats:
-        """Acceleration (m, 3) averaged over a time of `width` [s] around each instant, as a sensor's filter does.
+        """Return the acceleration (m, 3) averaged over a time of `width` [s] around each instant (m,) [s].
 
-        It jumps where the command does; sampled at points, those jumps would fold onto the motion's own frequency.
+        A sensor's filter averages as well. The acceleration jumps with the command; sampled at points, these jumps
+        would be aliased onto the motion's own frequency.
         """
-        after, before = (self.velocity_at(instants + shift) for shift in (width / 2, -width / 2))
-        return (after - before) / width
+        velocity_after = self.velocity_at(instants + width / 2)
+        velocity_before = self.velocity_at(instants + -width / 2)
+        return (velocity_after - velocity_before) / width
 
-    def with_unrest(self, std: float, dice: np.random.Generator) -> TrackedMotion:
-        """Return the motion with one up and down of a standard deviation [m] besides: sines from 0.5 to 20 Hz, as many
-        in each octave.
+    def with_unrest(self, std: float, rng: np.random.Generator) -> TrackedMotion:
+        """Return the motion with a vertical deviation w(t) of a standard deviation [m] added.
 
-        Its speed u' and acceleration u'' are those of a command that is higher by u' + lag u''.
+        w is the sum of 64 sines of random phase, with frequencies from 0.5 to 20 Hz, as many in each octave. A command
+        that is higher by w' + lag w'' makes the speed higher by w'.
         """
-        omega = 2 * np.pi * np.exp(dice.uniform(math.log(_UNREST[0]), math.log(_UNREST[1]), _SINES))
-        phase = 1j * (
-            omega * (np.arange(len(self.position)) * self.period)[:, None] + dice.uniform(0, 2 * np.pi, _SINES)
-        )
-        wave = std * np.sqrt(2 / _SINES) * np.exp(phase)
-        way, speed, change = (((1j * omega) ** order * wave).sum(axis=1).real for order in range(3))
+        frequency = np.exp(rng.uniform(math.log(MIN_UNREST_FREQUENCY), math.log(MAX_UNREST_FREQUENCY), SINES))
+        omega = 2 * np.pi * frequency
+        time = (np.arange(len(self.position)) * self.period)[:, None]
+        phase = 1j * (omega * time + rng.uniform(0, 2 * np.pi, SINES))
+        # w, w' and w'' are the real part of the sum of (i omega)^order A exp(i phase); the variance of a sine is A^2/2.
+        waves = std * np.sqrt(2 / SINES) * np.exp(phase)
+        deviation, speed, acceleration = (((1j * omega) ** order * waves).sum(axis=1).real for order in range(3))
         up = np.array([0.0, 0.0, 1.0])
-        command = self.command + np.outer(speed + self.lag * change, up)
         return replace(
             self,
-            position=self.position + np.outer(way, up),
+            position=self.position + np.outer(deviation, up),
             velocity=self.velocity + np.outer(speed, up),
-            command=command,
+            command=self.command + np.outer(speed + self.lag * acceleration, up),
         )
-
-
-def _advance(
-    position: Floats, velocity: Floats, command: Floats, elapsed: Floats, lag: float
-) -> tuple[Floats, Floats, Floats]:
-    """Exact solution of lag v' = command - v over a time in which the command is constant."""
-    decay = np.exp(-elapsed / lag)
-    lacking = velocity - command
-    moved = position + command * elapsed + lacking * lag * (1.0 - decay)
-    return moved, command + lacking * decay, -lacking * decay / lag
 
 
 @dataclass(frozen=True)
@@ -89,37 +94,48 @@ class PositionLoop:
     period: float  # [s]
 
     def track(self, position: Floats, velocity: Floats) -> TrackedMotion:
-        """Return the motion that follows setpoints (n, 3), beginning at rest in the first.
+        """Return the motion that follows setpoints, beginning at rest in the first; `position`, `velocity` are (n, 3).
 
-        From tick to tick the way z from the first setpoint and the speed v become A (z, v) + b u with
-        u = gain (z_d - z_d0) + damping z_d'. Many stretches are followed side by side, each from z = v = 0; then each
-        gets what the state that it really begins with becomes by the powers of A.
+        The displacement z from the first setpoint and the speed v are driven by u = gain (z_d - z_d0) + damping z_d'.
         """
         n, first = len(position), position[:1]
-        length = max(math.isqrt(n), 1)
-        stretches = -(-n // length)
-        wanted = np.zeros((stretches * length, 3))
-        wanted[:n] = self.gain * (position - first) + self.damping * velocity
-        side_by_side = wanted.reshape(stretches, length, 3)
-        states = np.zeros((length + 1, 2, stretches, 3))
+        drive = self.gain * (position - first) + self.damping * velocity
+        displacement, speed = self._respond(drive)[:, :n]
+        command = drive - self.gain * displacement - self.damping * speed
+        return TrackedMotion(first + displacement, speed.copy(), command, self.period, self.lag)
+
+    def _respond(self, drive: Floats) -> Floats:
+        """Return displacement and speed (2, n or more, 3) at the ticks of a drive u (n, 3), from z = v = 0.
+
+        From tick to tick the state s = (z, v) becomes A s + b u. About sqrt(n) blocks of sqrt(n) ticks are followed
+        side by side, each from s = 0: fewer steps in Python than n. Then A^i s0 is added at tick i of each block, with
+        the state s0 in which it really starts.
+        """
+        n = len(drive)
+        length = max(math.isqrt(n), 1)  # ticks of a block
+        blocks = -(-n // length)  # rounded up
+        padded = np.zeros((blocks * length, 3))
+        padded[:n] = drive
+        drive_of_blocks = padded.reshape(blocks, length, 3)
+        states = np.zeros((length + 1, 2, blocks, 3))
+        powers = [np.eye(2)]  # of A
         for i in range(length):
-            states[i + 1] = self._following(states[i], side_by_side[:, i])
-        powers = [np.eye(2)]
-        for _ in range(length):
-            powers.append(self._following(powers[-1], 0.0))
-        starts = np.zeros((2, stretches, 3))
-        for k in range(1, stretches):
+            states[i + 1] = self._next_state(states[i], drive_of_blocks[:, i])
+            powers.append(self._next_state(powers[-1], 0.0))
+        starts = np.zeros((2, blocks, 3))
+        for k in range(1, blocks):
             starts[:, k] = powers[-1] @ starts[:, k - 1] + states[-1, :, k - 1]
         states[:-1] += np.einsum("iab,bks->iaks", np.array(powers[:-1]), starts)
-        way, speed = states[:-1].transpose(1, 2, 0, 3).reshape(2, -1, 3)[:, :n]
-        command = wanted[:n] - self.gain * way - self.damping * speed
-        return TrackedMotion(first + way, speed.copy(), command, self.period, self.lag)
+        return np.asarray(states[:-1].transpose(1, 2, 0, 3).reshape(2, -1, 3))
 
-    def _following(self, state: Floats, wanted: Floats | float) -> Floats:
-        """Way and speed (2, ...) a tick later."""
+    def _next_state(self, state: Floats, drive: Floats | float) -> Floats:
+        """Return displacement and speed (2, ...) a period after a state (2, ...): A s + b u.
+
+        The command drive - gain z - damping v is held over the period, and the speed follows it with the lag.
+        """
         decay = float(np.exp(-self.period / self.lag))
-        slide = self.lag * (1.0 - decay)
-        way, speed = state
-        command = wanted - self.gain * way - self.damping * speed
-        lacking = speed - command
-        return np.stack([way + command * self.period + lacking * slide, command + lacking * decay])
+        lag_time = self.lag * (1.0 - decay)  # [s]
+        displacement, speed = state
+        command = drive - self.gain * displacement - self.damping * speed
+        excess = speed - command
+        return np.stack([displacement + command * self.period + excess * lag_time, command + excess * decay])

@@ -13,36 +13,53 @@ from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
 from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
+MIN_FADING = 1e-9  # of a state in a period, below which (1 - exp(-z))/z is 1 to rounding (its error is z/2)
+
 
 class _ContactHistory:
-    """The contact force of one period after another; states fade by themselves, their intake even over a period."""
+    """Contact force at one place of a specimen, period after period, with the states of a model that has a memory."""
 
     def __init__(self, specimen: Specimen, place: Floats) -> None:
         self._specimen, self._place = specimen, place
         self._model = specimen.model
-        on_the_skin = SkinUnderTip(specimen, np.array([[*place[:2], specimen.surface]]))
-        self._theta = [float(np.ravel(value)[0]) for value in on_the_skin.theta]
+        skin = SkinUnderTip(specimen, np.array([[*place[:2], specimen.surface]]))
+        self._theta = [float(np.ravel(value)[0]) for value in skin.theta]
         self._states = [0.0] * len(self._model.memory)
-        self._share = 1.0 if specimen.scatter is None else float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
+        # Factor of the force by scatter, curvature and earlier palpations.
+        self._factor = 1.0
+        if specimen.scatter is not None:
+            self._factor = float(specimen.scatter.at(place[None, 0], place[None, 1])[0])
         if specimen.form is not None:
-            self._share *= float(np.ravel(on_the_skin.share)[0])
+            self._factor *= float(np.ravel(skin.share)[0])
         if specimen.conditioning is not None:
-            self._share *= specimen.conditioning.factor(specimen.palpated)
+            self._factor *= specimen.conditioning.factor(specimen.palpated)
 
-    def at(self, height: float, speed: float, period: float) -> float:
-        """[N] with the tip at a height [m] and speed [m/s], a period [s] after the one before."""
-        under = SkinUnderTip(self._specimen, np.array([[*self._place[:2], height]]))
-        depth, rate = float(under.depth[0]), float(under.rate(np.array([[0.0, 0.0, speed]]))[0])
-        model, theta, count = self._model, self._theta, len(self._states)
-        upright = float(under.normal[0, 2])  # of the force along the normal, that along the tool
-        if count:
-            taken = model.memory_rate(depth, rate, theta, [0.0] * count)
-            left = model.memory_rate(depth, rate, theta, [1.0] * count)
-            for k, (intake, with_one) in enumerate(zip(taken, left, strict=True)):
-                z = (float(intake) - float(with_one)) * period
-                gained = float(intake) * period * (-math.expm1(-z) / z if z > 1e-9 else 1.0)
-                self._states[k] = self._states[k] * math.exp(-z) + gained
-        return upright * self._share * float(contact_force(model, depth, rate, theta, self._states, pulls=False))
+    def force(self, height: float, speed: float, period: float) -> float:
+        """Return the force [N] along the tool, with the tip at a height [m] and a speed [m/s] along z.
+
+        To be called once for each period [s]: the states go on by one.
+        """
+        skin = SkinUnderTip(self._specimen, np.array([[*self._place[:2], height]]))
+        depth, rate = float(skin.depth[0]), float(skin.rate(np.array([[0.0, 0.0, speed]]))[0])
+        self._advance_states(depth, rate, period)
+        normal_force = float(contact_force(self._model, depth, rate, self._theta, self._states, pulls=False))
+        return float(skin.normal[0, 2]) * self._factor * normal_force
+
+    def _advance_states(self, depth: float, rate: float, period: float) -> None:
+        """Advance each state s by a period, with s' = a - b s, where intake a and fading b [1/s] are constant.
+
+        With z = b period: s exp(-z) + a period (1 - exp(-z))/z. A state fades by itself alone, so the rates for s = 0
+        and s = 1, which are a and a - b, give b.
+        """
+        count = len(self._states)
+        if not count:
+            return
+        intakes = self._model.memory_rate(depth, rate, self._theta, [0.0] * count)
+        rates_at_one = self._model.memory_rate(depth, rate, self._theta, [1.0] * count)
+        for k, (intake, rate_at_one) in enumerate(zip(intakes, rates_at_one, strict=True)):
+            z = (float(intake) - float(rate_at_one)) * period
+            gain = float(intake) * period * (-math.expm1(-z) / z if z > MIN_FADING else 1.0)
+            self._states[k] = self._states[k] * math.exp(-z) + gain
 
 
 def force_controlled_motion(
@@ -50,27 +67,36 @@ def force_controlled_motion(
 ) -> tuple[TrackedMotion, Setpoint]:
     """Return the motion that the force leads within an envelope (n,) at times (n,) [s], and its setpoints.
 
-    `noise` (n,) [N] is what the sensor adds. Raises DeviceError where the tip would have to leave the envelope.
+    The envelope is the lowest that a setpoint may be; `noise` (n,) [N] is that of the sensor. Raises DeviceError where
+    the tip would have to leave the envelope.
     """
-    floor, place = envelope.position[:, 2], envelope.position[0]
-    lead, felt = ForceLead.of(law, floor, loop.period), _ContactHistory(specimen, place)
+    floor = envelope.position[:, 2]
+    lead = ForceLead.of(law, floor, loop.period)
+    contact = _ContactHistory(specimen, envelope.position[0])
     z, v = float(floor[0]), 0.0
     decay = math.exp(-loop.period / loop.lag)
-    slide = loop.lag * (1.0 - decay)
-    course = np.zeros((len(times), 5))
-    for i, (time, low, added) in enumerate(zip(times.tolist(), floor.tolist(), noise.tolist(), strict=True)):
-        lead.hear(felt.at(z, v, loop.period) + added)
-        wanted, rate = lead.next(time, low)
+    lag_time = loop.lag * (1.0 - decay)  # [s]
+    columns = np.zeros((5, len(times)))  # height, speed, command, and height and speed of the setpoint
+    for i, (time, lowest, force_error) in enumerate(zip(times.tolist(), floor.tolist(), noise.tolist(), strict=True)):
+        # The force of this period leads to its setpoint.
+        lead.hear(contact.force(z, v, loop.period) + force_error)
+        set_height, set_speed = lead.next(time, lowest)
         if (text := lead.fault(time, z)) is not None:
             raise DeviceError(f"device sim: {text}")
-        command = loop.gain * (wanted - z) + loop.damping * (rate - v)
-        course[i] = z, v, command, wanted, rate
-        lacking = v - command
-        z += command * loop.period + lacking * slide
-        v = command + lacking * decay
-    position, velocity, commands, set_position, set_velocity = (np.zeros((len(times), 3)) for _ in range(5))
-    for column, values in zip((position, velocity, commands, set_position, set_velocity), course.T, strict=True):
-        column[:, 2] = values
+        # The position loop follows it, as in `PositionLoop`.
+        command = loop.gain * (set_height - z) + loop.damping * (set_speed - v)
+        columns[:, i] = z, v, command, set_height, set_speed
+        excess = v - command
+        z += command * loop.period + excess * lag_time
+        v = command + excess * decay
+    position, velocity, commands, set_position, set_velocity = (_along_z(column) for column in columns)
     position[:, :2] = set_position[:, :2] = envelope.position[:, :2]
     setpoint = replace(envelope, position=set_position, velocity=set_velocity)
     return TrackedMotion(position, velocity, commands, loop.period, loop.lag), setpoint
+
+
+def _along_z(column: Floats) -> Floats:
+    """Return vectors (n, 3) along z of lengths (n,)."""
+    vectors = np.zeros((len(column), 3))
+    vectors[:, 2] = column
+    return vectors

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
 import numpy as np
 from palpate import (
     Angle,
-    Batch,
     Channel,
-    ConfigurationError,
     Delay,
     Device,
     Floats,
     Force,
-    ForceControlled,
     ForceDrift,
-    ForceLaw,
     Frequency,
     Length,
     Link,
@@ -29,28 +24,14 @@ from palpate import (
     Stream,
     Time,
     TipMass,
-    Trajectory,
-    clock,
-    duration_of,
-    host_time_ns,
-    setpoints_at,
 )
 from palpate_kit.kinematics.rotations import rotation_vector
-from palpate_records.prefetch import ahead
 from pydantic import Field
 
-from palpate_simulation.sensor_wrench import sensed_wrench
-from palpate_simulation.series_compliance import motion_behind_spring
-from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
-from palpate_simulation.simulated_tool import SimulatedTool
-from palpate_simulation.skin_contact import SkinContact
+from palpate_simulation.rig_link import RigLink
 from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 from palpate_simulation.tool_axes import MOUNTING, TOOL, mounting_matrix, turn_between
-
-_SECOND = 1_000_000_000  # [ns]
-_AHEAD = 8  # batches that are made before they are asked for
-_ROUND = {"real-time": 0.05, "fast": 1.0}  # [s] of simulated time in one round of batches, by pace
 
 
 class SimulatedRig(Device):
@@ -115,18 +96,18 @@ class SimulatedRig(Device):
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """Wrench, tip pose, tip twist and setpoint."""
+        """Wrench of the sensor; pose, twist and setpoint of the tip."""
         limits = (-self.force_limit, self.force_limit)
-        wrench = [Channel(axis, "N", limits) for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
-        pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
-        twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
-        setpoint = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"v{axis}", "m/s") for axis in "xyz"]
-        setpoint.append(Channel("measuring", "1"))
+        forces = tuple(Channel(axis, "N", limits) for axis in "xyz")
+        torques = _channels("tx ty tz", "N*m")
+        position, orientation = _channels("x y z", "m"), _channels("qx qy qz qw", "1")
+        velocity, spin = _channels("x y z", "m/s"), _channels("wx wy wz", "rad/s")
+        setpoint = position + _channels("vx vy vz", "m/s") + _channels("measuring", "1")
         return (
-            Stream("wrench", tuple(wrench), self.sensor_rate, "wrench", frame="tip"),
-            Stream("tip", tuple(pose), self.rate, "pose", frame="work"),
-            Stream("twist", tuple(twist), self.rate, "twist", frame="work"),
-            Stream("setpoint", tuple(setpoint), self.rate, "setpoint", frame="work", estimated=True),
+            Stream("wrench", forces + torques, self.sensor_rate, "wrench", frame="tip"),
+            Stream("tip", position + orientation, self.rate, "pose", frame="work"),
+            Stream("twist", velocity + spin, self.rate, "twist", frame="work"),
+            Stream("setpoint", setpoint, self.rate, "setpoint", frame="work", estimated=True),
         )
 
     @property
@@ -147,25 +128,26 @@ class SimulatedRig(Device):
 
     @property
     def outlines(self) -> tuple[Floats, ...]:
-        """Outlines of the specimen's inclusions."""
+        """Outlines (k, 2) [m] of the specimen's inclusions."""
         return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
 
     @property
     def gravity(self) -> tuple[float, ...]:
-        """In the work frame."""
+        """Direction of gravity (3,) in the work frame."""
         return self.down
 
     def turned(self, down: tuple[float, ...]) -> Device:
         """Return the rig with its tool turned, so that gravity points along `down` in the sensor's frame."""
-        turn = turn_between(mounting_matrix(self.mounting) @ np.array(down), TOOL.T @ np.array(self.down))
-        return self.model_copy(update={"tool_rotation": tuple(rotation_vector(turn).tolist())})
+        down_in_tool = mounting_matrix(self.mounting) @ np.array(down)
+        rotation = turn_between(down_in_tool, TOOL.T @ np.array(self.down))
+        return self.model_copy(update={"tool_rotation": tuple(rotation_vector(rotation).tolist())})
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
         """Return the rig whose specimen was palpated before, at distances [m] and ages [s]."""
         return self.model_copy(update={"specimen": self.specimen.conditioned(earlier)})
 
     def refuse(self, setpoint: Setpoint) -> None:
-        """Not through the specimen, and not past it."""
+        """Raise ConfigurationError for setpoints through the specimen, or that touch outside of it."""
         self.specimen.refuse(setpoint)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
@@ -174,132 +156,14 @@ class SimulatedRig(Device):
 
     @contextmanager
     def _connected(self, seed: int) -> Iterator[Link]:
-        arm = _RigLink(self, seed)
+        """Yield the rig at rest, and stop it afterwards."""
+        link = RigLink(self, seed)
         try:
-            yield arm
+            yield link
         finally:
-            arm.stop()
+            link.stop()
 
 
-class _RigLink:
-    """The rig at work (an Arm)."""
-
-    def __init__(self, settings: SimulatedRig, seed: int) -> None:
-        self._settings = settings
-        streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(5))
-        self._force_noise, self._position_noise, self._velocity_noise, self._led_noise, self._unrest = streams
-        self._stopped = clock().event()
-        self._trajectory: Trajectory | None = None
-
-    def refuse_law(self, law: ForceLaw) -> None:
-        """Whether a force may lead; see `palpate.SupportsForceControl`."""
-        from palpate_arms.force_control import refusal
-
-        settings = self._settings
-        text = refusal(law, math.inf, math.inf, math.inf, law.end)
-        if settings.specimen.unloading == "ting" or settings.series_stiffness is not None:
-            text = 'force control is not possible with series_stiffness, nor on a specimen with unloading = "ting"'
-        if text is not None:
-            raise ConfigurationError(f"device sim: {text}")
-
-    def follow(self, trajectory: Trajectory) -> None:
-        """Start a motion."""
-        self._trajectory = trajectory
-        self._stopped.clear()
-
-    def stop(self) -> None:
-        """Stop where it is."""
-        self._stopped.set()
-
-    def batches(self) -> Iterator[Batch]:
-        """Readings of the streams during the motion, round by round; a thread is ahead where no clock is kept."""
-        return self._rounds() if self._settings.pace == "real-time" else ahead(self._rounds(), _AHEAD)
-
-    def _rounds(self) -> Generator[Batch]:
-        if self._trajectory is None:
-            return
-        settings = self._settings
-        end = duration_of(self._trajectory)
-        ticks = np.arange(int(np.floor(end * settings.rate)) + 1) / settings.rate
-        setpoint = setpoints_at(self._trajectory, ticks)
-        loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
-        if isinstance(self._trajectory, ForceControlled):
-            from palpate_simulation.simulated_force_control import force_controlled_motion
-
-            noise = self._led_noise.standard_normal(len(ticks)) * settings.force_std
-            law = self._trajectory.force_law
-            motion, setpoint = force_controlled_motion(settings.specimen, loop, ticks, setpoint, law, noise)
-        else:
-            motion = loop.track(setpoint.position, setpoint.velocity)
-            if settings.unrest > 0:
-                motion = motion.with_unrest(settings.unrest, self._unrest)
-        tool = SimulatedTool.of(settings.tool_rotation, settings.mounting, settings.down, loop, setpoint)
-        readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
-        contact = self._contact(readings, motion, tool)
-        origin = host_time_ns() if settings.pace == "real-time" else 0
-        began = clock().now()
-        done_ticks = done_readings = 0
-        length = _ROUND[settings.pace]
-        for edge in np.arange(1, int(end / length) + 2) * length:
-            if settings.pace == "real-time":
-                self._stopped.wait(max(edge - (clock().now() - began), 0.0))
-            if self._stopped.is_set():
-                return
-            felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
-            now = readings[felt]
-            yield self._batch(
-                "wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt], tool), origin
-            )
-            rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
-            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows], *tool.pose(ticks[rows]))
-            yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
-            yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
-            commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
-            yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
-
-    def _contact(self, instants: Floats, motion: TrackedMotion, tool: SimulatedTool) -> Floats:
-        """Contact force (n, 3) [N] over the whole motion, which a material that remembers has to be asked for."""
-        position, velocity, _ = motion.at(instants)
-        settings, sliding = self._settings, velocity
-        if (stiffness := settings.series_stiffness) is not None:
-            position, velocity = motion_behind_spring(settings.specimen, instants, position, velocity, stiffness)
-        if not tool.is_upright:
-            out, rate = tool.out(instants)
-            position, velocity = settings.specimen.upright_place(position, velocity, out, rate)
-        if settings.specimen.form is not None:
-            return SkinContact().force(settings.specimen, instants, position, velocity)
-        return settings.specimen.with_friction(
-            SkinUnderTip(settings.specimen, position).push(instants, velocity), sliding
-        )
-
-    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats, tool: SimulatedTool) -> Floats:
-        """What the sensor reads (n, 6) at true times (n,) [s]."""
-        settings = self._settings
-        acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
-        contact, acceleration, down = tool.in_sensor(instants, contact, acceleration)
-        offset = settings.bias + settings.drift * instants
-        noise = self._force_noise.standard_normal((len(instants), 6))
-        return sensed_wrench(
-            contact,
-            acceleration,
-            settings.tip_mass,
-            offset,
-            noise,
-            settings.force_std,
-            settings.force_limit,
-            down,
-            settings.centre_of_mass,
-        )
-
-    def _kinematics(self, position: Floats, velocity: Floats, turned: Floats, spin: Floats) -> tuple[Floats, Floats]:
-        """Measured pose (n, 7) and twist (n, 6), with the quaternions and angular velocities of the tool."""
-        n = len(position)
-        pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
-        pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
-        pose[:, 3:], twist[:, 3:] = turned, spin
-        twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
-        return pose, twist
-
-    def _batch(self, stream: str, instants: Floats, delay: float, values: Floats, origin: int) -> Batch:
-        stamps = origin + np.rint((instants + delay) * _SECOND).astype(np.int64)
-        return Batch(stream, stamps, stamps, values)
+def _channels(names: str, unit: str) -> tuple[Channel, ...]:
+    """Return a channel for each of some names."""
+    return tuple(Channel(name, unit) for name in names.split())

@@ -1,4 +1,4 @@
-"""How the tool of a simulated rig stands over time, and what its sensor makes of vectors of the work frame."""
+"""Orientation of the tool of a simulated rig over time, and vectors in the axes of its sensor."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from palpate_simulation.tool_axes import TOOL, mounting_matrix, rotation_matrice
 
 @dataclass(frozen=True)
 class SimulatedTool:
-    """A tool that keeps its orientation, or turns as its setpoints do; its turns are tracked as its places are."""
+    """A tool that keeps its orientation, or turns as its setpoints do, with the lag of its position."""
 
-    orientation: Floats  # (3, 3) in the work frame, of one that is not turned
-    sensor: Floats  # (3, 3) axes of the sensor, as columns, then
-    down: Floats  # (3,) direction of gravity
-    turning: TrackedMotion | None  # rotation vectors [rad]
+    orientation: Floats  # (3, 3) in the work frame, before it turns
+    sensor: Floats  # (3, 3) axes of the sensor in the work frame as columns, before it turns
+    down: Floats  # (3,) direction of gravity in the work frame
+    turning: TrackedMotion | None  # rotation vectors [rad] over time; None for a tool that does not turn
 
     @classmethod
     def of(
@@ -32,8 +32,10 @@ class SimulatedTool:
         loop: PositionLoop,
         setpoint: Setpoint,
     ) -> SimulatedTool:
-        """Return the tool of a rig from its keys, which follows the rotations of `setpoint`, one for each control
-        period."""
+        """Return the tool of a rig whose settings are the first three, which follows the rotations of `setpoint`.
+
+        The setpoint (n,) has a row for each control period.
+        """
         orientation = TOOL @ rotation_matrix(tool_rotation)
         turning = None
         if (rotation := setpoint.rotation) is not None:
@@ -46,36 +48,43 @@ class SimulatedTool:
         return self.turning is None and np.array_equal(self.orientation, TOOL)
 
     def turns(self, instants: Floats) -> Floats:
-        """How it is turned (n, 3, 3) at true times (n,) [s]."""
+        """Return the rotation (n, 3, 3) by which a turning tool is turned at true times (n,) [s]."""
         assert self.turning is not None
         return rotation_matrices(self.turning.at(instants)[0])
 
     def out(self, instants: Floats) -> tuple[Floats, Floats]:
-        """Direction (n, 3) from the tip along it at true times (n,) [s], and how fast that changes [1/s]."""
+        """Return the direction (n, 3) from the tip along the tool at true times (n,) [s], and its rate (n, 3) [1/s]."""
         if self.turning is None:
-            out = np.tile(-self.orientation[:, 2], (len(instants), 1))
-            return out, np.zeros_like(out)
-        out = -(self.turns(instants) @ self.orientation)[:, :, 2]
-        return out, np.cross(self._spin(instants), out)
+            direction = np.tile(-self.orientation[:, 2], (len(instants), 1))
+            return direction, np.zeros_like(direction)
+        direction = -(self.turns(instants) @ self.orientation)[:, :, 2]
+        return direction, np.cross(self._angular_velocity(instants), direction)
 
     def in_sensor(self, instants: Floats, force: Floats, acceleration: Floats) -> tuple[Floats, Floats, Floats]:
-        """Force and acceleration (n, 3), and the direction of gravity (3,) or (n, 3), in the axes of the sensor."""
+        """Return force and acceleration (n, 3), and the direction of gravity (3,) or (n, 3), in the sensor's axes.
+
+        `force` and `acceleration` (n, 3) are in the work frame, at true times (n,) [s].
+        """
         if self.turning is not None:
-            each = self.turns(instants) @ self.sensor
-            force, acceleration = (np.einsum("nij,ni->nj", each, part) for part in (force, acceleration))
-            return force, acceleration, np.einsum("nij,i->nj", each, self.down)
-        if np.array_equal(self.sensor, np.eye(3)):  # to the bit
+            axes = self.turns(instants) @ self.sensor
+            force_in_sensor = np.einsum("nij,ni->nj", axes, force)
+            acceleration_in_sensor = np.einsum("nij,ni->nj", axes, acceleration)
+            return force_in_sensor, acceleration_in_sensor, np.einsum("nij,i->nj", axes, self.down)
+        if np.array_equal(self.sensor, np.eye(3)):  # without the rounding of a product
             return force, acceleration, self.down
         return force @ self.sensor, acceleration @ self.sensor, self.down @ self.sensor
 
     def pose(self, instants: Floats) -> tuple[Floats, Floats]:
-        """Quaternions x, y, z, w (n, 4) and angular velocities (n, 3) [rad/s] at true times (n,) [s]."""
+        """Return quaternions x, y, z, w (n, 4) and angular velocities (n, 3) [rad/s] at true times (n,) [s]."""
         if self.turning is None:
-            one = np.round(quaternion(self.orientation), 15) + 0.0
-            return np.tile(one, (len(instants), 1)), np.zeros((len(instants), 3))
-        return quaternions(self.turns(instants) @ self.orientation), self._spin(instants)
+            constant = (
+                np.round(quaternion(self.orientation), 15) + 0.0
+            )  # without the digits of rounding, and without -0
+            return np.tile(constant, (len(instants), 1)), np.zeros((len(instants), 3))
+        return quaternions(self.turns(instants) @ self.orientation), self._angular_velocity(instants)
 
-    def _spin(self, instants: Floats) -> Floats:
+    def _angular_velocity(self, instants: Floats) -> Floats:
+        """Return the angular velocity (n, 3) [rad/s] of a turning tool at true times (n,) [s]."""
         assert self.turning is not None
         vector, rate, _ = self.turning.at(instants)
         return angular_velocities(vector, rate)

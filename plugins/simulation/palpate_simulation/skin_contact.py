@@ -1,4 +1,4 @@
-"""The force of a skin on a tip as it goes: along the normal, and what friction adds across it."""
+"""Force of a skin on a moving tip: contact force along the normal, and friction across it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from palpate import Floats
 from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.specimen import Specimen
 
-_DEEPER = 1e-7  # [m] over which the stiffness of the contact is taken
-_FASTER = 1e-6  # [m/s] over which its damping is
+# Differences over which stiffness and damping of the contact are taken (a choice: far below any depth and speed).
+DEPTH_STEP = 1e-7  # [m]
+SPEED_STEP = 1e-6  # [m/s]
+INCOMPRESSIBLE = 0.5  # Poisson's ratio of a model that has none: soft tissue
 
 
 class SkinContact:
-    """Contact force of a skin over time; what the tip drags along is remembered from call to call.
+    """Contact force of a skin over time; the stretch of the skin is kept from call to call.
 
     A skin that is level and flat has the friction of `Specimen.with_friction`. On any other, friction is Mindlin's: the
     contact sticks with 2 (1 - nu)/(2 - nu) of its stiffness and damping along the normal, and slips where that would
@@ -23,59 +25,84 @@ class SkinContact:
     """
 
     def __init__(self) -> None:
-        self._spring = np.zeros(3)  # [N] that the stretched skin holds against
-        self._place: Floats | None = None  # (3,) [m] of the tip, at the end of the last call
+        self._spring = np.zeros(3)  # [N] of the stretched skin on the tip
+        self._last_position: Floats | None = None  # (3,) [m] of the tip at the end of the last call
 
     def force(self, specimen: Specimen, instants: Floats, position: Floats, velocity: Floats) -> Floats:
-        """Force (n, 3) [N] on a tip at positions (n, 3) with velocities (n, 3), at instants (n,) [s] in order."""
-        under = SkinUnderTip(specimen, position)
-        contact = under.push(instants, velocity)
+        """Return the force (n, 3) [N] on a tip at positions (n, 3) [m] with velocities (n, 3) [m/s].
+
+        The instants (n,) [s] are in order, and after those of the call before.
+        """
+        skin = SkinUnderTip(specimen, position)
+        contact = skin.push(instants, velocity)
         if specimen.form is None:
             return specimen.with_friction(contact, velocity)
-        force = contact[:, None] * under.normal
+        force = contact[:, None] * skin.normal
         if not specimen.friction:
             return force
+        steps = self._steps_to(position)
         if not contact.any():
             self._spring = np.zeros(3)
-            self._place = position[-1] if len(position) else self._place
             return force
-        slow = velocity if specimen.model.memory else np.zeros_like(velocity)  # what remembers has no force at rest
-        deep = SkinUnderTip(specimen, position - _DEEPER * under.normal).push(instants, slow)
-        fast = under.push(instants, velocity - _FASTER * under.normal)
-        stiffness, damping = (deep - under.push(instants, slow)) / _DEEPER, (fast - contact) / _FASTER
-        poisson = float(getattr(specimen.model, "poisson", 0.5))
-        share = 2.0 * (1.0 - poisson) / (2.0 - poisson)
-        limit = specimen.friction * contact
-        return force + self._friction(position, velocity, under.normal, limit, share * stiffness, share * damping)
+        stiffness, damping = _contact_slopes(specimen, skin, instants, velocity, contact)
+        poisson = float(getattr(specimen.model, "poisson", INCOMPRESSIBLE))
+        mindlin_ratio = 2.0 * (1.0 - poisson) / (2.0 - poisson)
+        spring_steps = -(mindlin_ratio * stiffness)[:, None] * _tangential(steps, skin.normal)
+        dampers = -(mindlin_ratio * damping)[:, None] * _tangential(velocity, skin.normal)
+        return force + self._friction(spring_steps, dampers, skin.normal, specimen.friction * contact)
 
-    def _friction(
-        self, position: Floats, velocity: Floats, normal: Floats, limit: Floats, stiffness: Floats, damping: Floats
-    ) -> Floats:
-        """Force (n, 3) [N] across normals (n, 3), of limits (n,) [N], by the contact's stiffness and damping (n,)."""
-        before = position[:1] if self._place is None else self._place[None]
-        self._place = position[-1] if len(position) else self._place
-        step, speed = (_across(way, normal) for way in (np.diff(position, axis=0, prepend=before), velocity))
-        springs, dampers = -stiffness[:, None] * step, -damping[:, None] * speed
-        columns = [column.tolist() for column in (*springs.T, *dampers.T, *normal.T, limit)]
+    def _steps_to(self, position: Floats) -> Floats:
+        """Return the step (n, 3) [m] of the tip to each of its positions (n, 3), and keep the last position."""
+        start = position[:1] if self._last_position is None else self._last_position[None]
+        if len(position):
+            self._last_position = position[-1]
+        return np.diff(position, axis=0, prepend=start)
+
+    def _friction(self, spring_steps: Floats, dampers: Floats, normal: Floats, limit: Floats) -> Floats:
+        """Return the friction (n, 3) [N] across normals (n, 3), at most as large as its limit (n,) [N].
+
+        The spring's force grows by `spring_steps` (n, 3) [N] and turns with the skin; `dampers` (n, 3) [N] are added.
+        Where both together are more than the limit the tip slips, and both are scaled down to it. The loop has plain
+        numbers for speed.
+        """
+        columns = [column.tolist() for column in (*spring_steps.T, *dampers.T, *normal.T, limit)]
         (x, y, z), force = self._spring.tolist(), list[float]()
-        for by_x, by_y, by_z, drag_x, drag_y, drag_z, out_x, out_y, out_z, most in zip(*columns, strict=True):
-            if most <= 0.0:
+        for step_x, step_y, step_z, drag_x, drag_y, drag_z, n_x, n_y, n_z, largest in zip(*columns, strict=True):
+            # Out of contact the skin relaxes.
+            if largest <= 0.0:
                 x = y = z = 0.0
                 force += (0.0, 0.0, 0.0)
                 continue
-            x, y, z = x + by_x, y + by_y, z + by_z
-            out = x * out_x + y * out_y + z * out_z
-            x, y, z = x - out * out_x, y - out * out_y, z - out * out_z
-            whole_x, whole_y, whole_z = x + drag_x, y + drag_y, z + drag_z
-            if (size := math.hypot(whole_x, whole_y, whole_z)) > most:
-                share = most / size
-                x, y, z = share * x, share * y, share * z
-                whole_x, whole_y, whole_z = share * whole_x, share * whole_y, share * whole_z
-            force += (whole_x, whole_y, whole_z)
+            # Stretch the spring, and leave out the part of its force along the normal.
+            x, y, z = x + step_x, y + step_y, z + step_z
+            outward = x * n_x + y * n_y + z * n_z
+            x, y, z = x - outward * n_x, y - outward * n_y, z - outward * n_z
+            sum_x, sum_y, sum_z = x + drag_x, y + drag_y, z + drag_z
+            # Coulomb's limit.
+            if (size := math.hypot(sum_x, sum_y, sum_z)) > largest:
+                scale = largest / size
+                x, y, z = scale * x, scale * y, scale * z
+                sum_x, sum_y, sum_z = scale * sum_x, scale * sum_y, scale * sum_z
+            force += (sum_x, sum_y, sum_z)
         self._spring = np.array([x, y, z])
         return np.array(force).reshape(-1, 3)
 
 
-def _across(vectors: Floats, normal: Floats) -> Floats:
+def _contact_slopes(
+    specimen: Specimen, skin: SkinUnderTip, instants: Floats, velocity: Floats, contact: Floats
+) -> tuple[Floats, Floats]:
+    """Return stiffness (n,) [N/m] and damping (n,) [N s/m] of the contact along the normal, by differences.
+
+    `contact` (n,) [N] is the force along the normal with velocities (n, 3) [m/s].
+    """
+    # A model with memory has no force at rest: its stiffness is taken in motion.
+    slow = velocity if specimen.model.memory else np.zeros_like(velocity)
+    deeper_force = skin.deeper(DEPTH_STEP).push(instants, slow)
+    faster_force = skin.push(instants, velocity - SPEED_STEP * skin.normal)
+    stiffness = (deeper_force - skin.push(instants, slow)) / DEPTH_STEP
+    return stiffness, (faster_force - contact) / SPEED_STEP
+
+
+def _tangential(vectors: Floats, normal: Floats) -> Floats:
     """Return the part (n, 3) of vectors (n, 3) that is across normals (n, 3)."""
     return np.asarray(vectors - np.sum(vectors * normal, axis=1)[:, None] * normal)

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-_STEPS = 30  # of Newton's, for a height
-_CLOSE = 1e-12  # [m]
+MAX_STEPS = 30  # of Newton's method (a choice): a place that needs more is off the edge of a body
+HEIGHT_ERROR = 1e-12  # [m] up to which a height is solved (a choice: far below any roughness)
+ROUND_RATIO = 1e-6  # of the curvatures, below which the ellipse is a circle and K - E of rounding alone
+# Brackets of the squared eccentricity e^2, between a circle and a line, within which K - E and 1 - e^2 keep digits.
+MIN_SQUARED_ECCENTRICITY = 1e-8
+MAX_SQUARED_ECCENTRICITY = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -22,68 +26,77 @@ class SkinForm:
 
     @property
     def _axes(self) -> Floats:
-        """Rows (3, 3): the skin's own axes at the origin in the work frame, the last of them its normal."""
-        tilt_x, tilt_y = self.slopes
-        normal = np.array([-tilt_x, -tilt_y, 1.0]) / np.sqrt(1.0 + tilt_x**2 + tilt_y**2)
-        along = np.array([1.0, 0.0, tilt_x])
+        """Unit vectors of the skin at the origin as rows (3, 3): along its rise towards x, across that, its normal."""
+        slope_x, slope_y = self.slopes
+        normal = np.array([-slope_x, -slope_y, 1.0]) / np.sqrt(1.0 + slope_x**2 + slope_y**2)
+        along = np.array([1.0, 0.0, slope_x])
         along -= normal * (normal @ along)
         along /= np.linalg.norm(along)
         return np.array([along, np.cross(normal, along), normal])
 
     def near(self, points: Floats) -> tuple[Floats, Floats]:
-        """Distance (n,) [m] of points (n, 3) from the skin, positive outside, and the normals (n, 3) to them.
+        """Return the distance (n,) [m] of points (n, 3) [m] from the skin, positive outside, and its normals (n, 3).
 
-        The distance from a torus whose circles have the radii 1/k_x and 1/k_y, where none is curved from a plane.
+        The distance is that from a torus whose circles have the radii 1/k_x and 1/k_y: from the circle towards x, and
+        with that in place of the height from the circle towards y. Without curvature it is that from a plane.
         """
-        axes, (by_x, by_y) = self._axes, self.curvatures
-        along, beside, height = axes @ points.T
-        if not (by_x or by_y):
+        axes, (curvature_x, curvature_y) = self._axes, self.curvatures
+        along_x, along_y, height = axes @ points.T
+        if not (curvature_x or curvature_y):
             return height, np.broadcast_to(axes[2], points.shape)
-        height, up, aside = _from_circle(height, along, by_x)
-        distance, rise, across = _from_circle(height, beside, by_y)
-        return distance, np.column_stack([rise * aside, across, rise * up]) @ axes
+        height_over_circle, cosine_x, sine_x = _distance_from_circle(height, along_x, curvature_x)
+        distance, cosine_y, sine_y = _distance_from_circle(height_over_circle, along_y, curvature_y)
+        return distance, np.column_stack([cosine_y * sine_x, sine_y, cosine_y * cosine_x]) @ axes
 
     def height(self, x: Floats, y: Floats) -> Floats:
-        """Height (n,) [m] of the skin over x, y (n,) by Newton's method; -inf off the edge of a body."""
+        """Return the height (n,) [m] of the skin over x, y (n,) [m] by Newton's method; -inf off the edge of a body."""
         z = self.slopes[0] * x + self.slopes[1] * y
-        for _ in range(_STEPS):
+        for _ in range(MAX_STEPS):
             distance, normal = self.near(np.column_stack([x, y, z]))
-            if np.abs(distance).max(initial=0.0) < _CLOSE:
+            if np.abs(distance).max(initial=0.0) < HEIGHT_ERROR:
                 return z
             z = z - distance / normal[:, 2]
-        left, _ = self.near(np.column_stack([x, y, z]))
-        return np.where(np.abs(left) < _CLOSE, z, -np.inf)
+        residual, _ = self.near(np.column_stack([x, y, z]))
+        return np.where(np.abs(residual) < HEIGHT_ERROR, z, -np.inf)
 
 
-def _from_circle(height: Floats, along: Floats, curvature: float) -> tuple[Floats, Floats, Floats]:
-    """Distance (n,) [m] of points from a circle through the origin, at heights over its tangent; its two slopes."""
-    up, aside = 1.0 + curvature * height, curvature * along
-    root = np.hypot(up, aside)
-    distance = (curvature * (height**2 + along**2) + 2.0 * height) / (1.0 + root)
-    return distance, up / root, aside / root
+def _distance_from_circle(height: Floats, along: Floats, curvature: float) -> tuple[Floats, Floats, Floats]:
+    """Return the distance (n,) [m] of points from a circle of curvature k [1/m], and the normal's cosine and sine (n,).
+
+    The circle touches its tangent at the origin; points are at heights h (n,) [m] over the tangent and lengths s (n,)
+    [m] along it. With r = sqrt((1 + k h)^2 + (k s)^2) the distance (r - 1)/k is (k (h^2 + s^2) + 2 h)/(1 + r), which
+    holds for k = 0, too.
+    """
+    radial, tangential = 1.0 + curvature * height, curvature * along
+    r = np.hypot(radial, tangential)
+    distance = (curvature * (height**2 + along**2) + 2.0 * height) / (1.0 + r)
+    return distance, radial / r, tangential / r
 
 
 @cache
 def elliptic_share(radius: float, curvatures: tuple[float, float]) -> float:
-    """Force of a sphere on a skin of two curvatures [1/m], over that on a flat one at the same depth: Hertz's ellipse.
+    """Return the force of a sphere on a curved skin over that on a flat one at the same depth: Hertz's ellipse.
 
-    With semi-axes a > b, e^2 = 1 - b^2/a^2, K and E the complete elliptic integrals of e, A < B half of the sums of the
-    curvatures in both planes: B/A = ((a/b)^2 E - K)/(K - E), and F = 2/3 pi/K E* d^1.5 sqrt((K - E)/(A e^2 K)).
-    Source: Johnson 1985, section 4.2.
+    The sphere has a radius R [m], the skin two curvatures [1/m]. With semi-axes a > b, m = e^2 = 1 - b^2/a^2, K and E
+    the complete elliptic integrals of m, A < B half of the sums of the curvatures in both planes:
+    B/A = ((a/b)^2 E - K)/(K - E), and F = 2/3 pi/K E* d^1.5 sqrt((K - E)/(A m K)). On a flat skin
+    F = 4/3 E* d^1.5 sqrt(R). Source: Johnson 1985, section 4.2.
     """
     from scipy.optimize import brentq
     from scipy.special import ellipe, ellipk
 
-    less, more = sorted(0.5 * (1.0 / radius + one) for one in curvatures)
-    if more / less - 1.0 < 1e-6:
-        return float((2.0 * radius * less) ** -0.5)
+    A, B = sorted(0.5 * (1.0 / radius + curvature) for curvature in curvatures)
+    if B / A - 1.0 < ROUND_RATIO:
+        return float((2.0 * radius * A) ** -0.5)
 
-    def ratio(square: float) -> float:
-        k, e = ellipk(square), ellipe(square)
-        return float((e / (1.0 - square) - k) / (k - e))
+    def curvature_ratio(m: float) -> float:
+        """Return B/A; (a/b)^2 is 1/(1 - m)."""
+        K, E = ellipk(m), ellipe(m)
+        return float((E / (1.0 - m) - K) / (K - E))
 
     solve: Any = brentq  # its annotations want numpy's floats
-    square = float(solve(lambda s: ratio(s) - more / less, 1e-8, 1.0 - 1e-9))
-    k, e = float(ellipk(square)), float(ellipe(square))
-    force = 2.0 / 3.0 * np.pi / k * np.sqrt((k - e) / (less * square * k))
-    return float(force / (4.0 / 3.0 * np.sqrt(radius)))
+    m = float(solve(lambda m: curvature_ratio(m) - B / A, MIN_SQUARED_ECCENTRICITY, MAX_SQUARED_ECCENTRICITY))
+    K, E = float(ellipk(m)), float(ellipe(m))
+    force = 2.0 / 3.0 * np.pi / K * np.sqrt((K - E) / (A * m * K))
+    flat_force = 4.0 / 3.0 * np.sqrt(radius)
+    return float(force / flat_force)

@@ -12,15 +12,20 @@ from palpate_simulation.skin_form import elliptic_share
 from palpate_simulation.skin_on_surface import SkinOnSurface
 from palpate_simulation.specimen import Specimen
 
-_REVERSAL = 2e-5  # [m] that a position loop may swing back
+MAX_SWING = 2e-5  # [m] that a position loop may swing back within a loading (a choice)
+MIN_FACTOR = 0.01  # of the stiffness over soft inclusions (a choice): the sum of their contrasts may be below -1
 
 
 class SkinUnderTip:
-    """Depth, normal and parameters of a specimen under a tip at positions (n, 3) [m], each worked out at most once."""
+    """Depth, normal and parameters of a specimen under a tip at positions (n, 3) [m], each computed at most once."""
 
     def __init__(self, specimen: Specimen, position: Floats) -> None:
         self._specimen, self._position = specimen, position
         self._x, self._y = position[:, 0], position[:, 1]
+
+    def deeper(self, distance: float) -> SkinUnderTip:
+        """Return the skin under a tip that is deeper along the normal by a distance [m]."""
+        return SkinUnderTip(self._specimen, self._position - distance * self.normal)
 
     @cached_property
     def _centre(self) -> Floats:
@@ -41,7 +46,7 @@ class SkinUnderTip:
 
     @cached_property
     def depth(self) -> Floats:
-        """Depth (n,) [m] below the true skin along the normal, of a round tip that of the place deepest in it."""
+        """Depth (n,) [m] of the tip below the true skin along the normal, of a round tip that of its deepest point."""
         specimen = self._specimen
         if specimen.form is None:
             return specimen.surface + specimen.relief.height_at(self._x, self._y) - self._position[:, 2]
@@ -59,13 +64,13 @@ class SkinUnderTip:
         """Return how fast the depth grows (n,) [m/s] with velocities (n, 3) [m/s] of the tip."""
         rate = -np.sum(velocity * self.normal, axis=1)
         if self._specimen.relief.roughness > 0 and velocity.any():
-            along_x, along_y = self._slopes
-            rate = rate + self.normal[:, 2] * (along_x * velocity[:, 0] + along_y * velocity[:, 1])
+            slope_x, slope_y = self._slopes
+            rate = rate + self.normal[:, 2] * (slope_x * velocity[:, 0] + slope_y * velocity[:, 1])
         return np.asarray(rate)
 
     @cached_property
     def share(self) -> Floats | float:
-        """Force on the curved skin over that on a flat one at the same depth, (n,) on a body."""
+        """Force on the curved skin over that on a flat one at the same depth; (n,) on a body, a number elsewhere."""
         form, radius = self._specimen.form, self._specimen.tip_radius
         if isinstance(form, SkinOnSurface):
             return form.share(self._centre, radius)
@@ -73,9 +78,10 @@ class SkinUnderTip:
 
     @cached_property
     def theta(self) -> list[Any]:
-        """The model's parameters that the tip feels.
+        """Parameters of the model that the tip feels, each a number or (n,).
 
-        On a body, an inclusion is as far away as the skin over it, straight through.
+        Inclusions multiply those that the force is proportional to by 1 + the sum of their contrasts. On a body, the
+        distance of an inclusion is that of the skin over it, straight through.
         """
         specimen = self._specimen
         theta: list[Any] = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
@@ -84,22 +90,24 @@ class SkinUnderTip:
         radius = 0.0 if specimen.indenter is None else float(specimen.indenter.contact_radius(specimen.felt_at))
         if isinstance(specimen.form, SkinOnSurface):
             feet = specimen.form.feet(self._centre)
-            far = [np.linalg.norm(feet - over, axis=1) for over in specimen.over_inclusions]
-            contrasts = [one.contrast_at(rho, radius) for one, rho in zip(specimen.inclusions, far, strict=True)]
+            contrasts = [
+                inclusion.contrast_at(np.linalg.norm(feet - over, axis=1), radius)
+                for inclusion, over in zip(specimen.inclusions, specimen.over_inclusions, strict=True)
+            ]
         else:
-            contrasts = [one.contrast(self._x, self._y, radius) for one in specimen.inclusions]
-        return self._stiffened(theta, np.maximum(1.0 + sum(contrasts), 0.01))
+            contrasts = [inclusion.contrast(self._x, self._y, radius) for inclusion in specimen.inclusions]
+        return self._stiffened(theta, np.maximum(1.0 + sum(contrasts), MIN_FACTOR))
 
     def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
-        """Return the parameters with those that the force is proportional to made larger by a factor (n,)."""
+        """Return the parameters; those that the force is proportional to are multiplied by a factor (n,)."""
         roles = [parameter.role for parameter in self._specimen.model.parameters]
         return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
 
     def push(self, instants: Floats, velocity: Floats) -> Floats:
-        """Force (n,) [N] along the normal on the tip with velocities (n, 3) [m/s], at instants (n,) [s] in order.
+        """Return the force (n,) [N] along the normal on the tip with velocities (n, 3) [m/s].
 
-        Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
-        is too fast for the instants.
+        The instants (n,) [s] are in order. Raises ConfigurationError for a model with memory on a specimen with
+        inclusions, or that forgets too fast for the instants.
         """
         specimen, force = self._specimen, self._force(instants, velocity)
         if specimen.form is not None:
@@ -109,28 +117,40 @@ class SkinUnderTip:
         return force if specimen.conditioning is None else force * specimen.conditioning.factor(specimen.palpated)
 
     def _force(self, instants: Floats, velocity: Floats) -> Floats:
+        """Return the force (n,) [N] of the model on a flat, uniform skin."""
+        if self._specimen.unloading == "ting":
+            return self._ting_force(instants)
+        if self._specimen.model.memory:
+            return self._remembered_force(instants, velocity)
+        return self._instantaneous_force(velocity)
+
+    def _instantaneous_force(self, velocity: Floats) -> Floats:
+        """Return the force (n,) [N] of a model without memory."""
         specimen, depth = self._specimen, self.depth
-        model = specimen.model
-        if specimen.unloading == "ting":
-            return self._by_ting(instants)
-        if not model.memory:
-            if not model.adhesive and depth.max(initial=0.0) <= 0.0:
-                return np.zeros(len(depth))  # in air: what a live twin is most of the time
-            theta = self._stiffened(self.theta, np.interp(depth, *specimen.layered)) if specimen.layers else self.theta
-            return np.asarray(contact_force(model, depth, self.rate(velocity), theta, pulls=False), float)
+        # Most of the time a live twin is in the air: nothing is to be computed there.
+        if not specimen.model.adhesive and depth.max(initial=0.0) <= 0.0:
+            return np.zeros(len(depth))
+        theta = self.theta
+        if specimen.layers:
+            theta = self._stiffened(theta, np.interp(depth, *specimen.layered))
+        return np.asarray(contact_force(specimen.model, depth, self.rate(velocity), theta, pulls=False), float)
+
+    def _remembered_force(self, instants: Floats, velocity: Floats) -> Floats:
+        """Return the force (n,) [N] of a model with memory, which depends on the motion before."""
+        specimen = self._specimen
         if specimen.inclusions:
             raise ConfigurationError("device sim: specimen: a model with memory can have no inclusions")
         try:
-            return force_over_time(model, instants, depth, self.rate(velocity), self.theta, pulls=False)
+            return force_over_time(specimen.model, instants, self.depth, self.rate(velocity), self.theta, pulls=False)
         except ValueError as error:
             raise ConfigurationError(f"device sim: specimen: {error}") from error
 
-    def _by_ting(self, instants: Floats) -> Floats:
-        """Contact force (n,) [N] after Ting; raises ConfigurationError for what it is not for."""
+    def _ting_force(self, instants: Floats) -> Floats:
+        """Return the contact force (n,) [N] after Ting (1966); raises ConfigurationError for a layered specimen."""
         specimen = self._specimen
         if specimen.inclusions or specimen.layers:
             raise ConfigurationError('device sim: specimen: unloading = "ting" is for a homogeneous material')
         try:
-            return loading_cycle_force(specimen.model, instants, self.depth, self.theta, _REVERSAL)
+            return loading_cycle_force(specimen.model, instants, self.depth, self.theta, MAX_SWING)
         except ValueError as error:
             raise ConfigurationError(f"device sim: specimen: {error}") from error

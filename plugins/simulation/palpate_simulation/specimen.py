@@ -1,4 +1,4 @@
-"""What a simulated tip presses on: material, shape of its surface, inclusions."""
+"""Specimen that a simulated tip presses on: material, shape of its surface, inclusions."""
 
 from __future__ import annotations
 
@@ -13,28 +13,30 @@ from palpate import (
     Floats,
     Indenter,
     Length,
-    Quantity,
     Setpoint,
     Settings,
     Surface,
-    to_si,
 )
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from palpate_simulation.inclusions import Inclusion
-from palpate_simulation.paper_specimens import SPECIMENS
 from palpate_simulation.skin_form import SkinForm
 from palpate_simulation.skin_on_surface import SkinOnSurface
 from palpate_simulation.specimen_layers import Layer, layered_factors
 from palpate_simulation.specimen_scatter import Conditioning, Scatter
+from palpate_simulation.specimen_table import gather_parameters, parameter_in_si
 from palpate_simulation.surface_relief import Relief
 
-_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
-_ROUND = (1e-6, 1e-4, 0.02)  # [m] depths at which a round tip has the same radius a^2/d, and within what
+FULL_FRICTION_SPEED = 1e-4  # [m/s] of sliding over which friction comes up (a choice, for a smooth force)
+STANDSTILL_SPEED = 1e-12  # [m/s], guards against a division by 0
+# Depths [m] at which a round tip has the same radius a^2/d, and the difference that is allowed (choices).
+SHALLOW_DEPTH, DEEP_DEPTH = 1e-6, 1e-4
+ROUND_DIFFERENCE = 0.02
+EDGE_ROUNDING = 1e-9  # [m] that a place may be outside of the specimen by rounding
 
 
-def _shorthand(schema: dict[str, Any]) -> None:
-    """Parameters next to the model, and what the paper's specimen of a name has, are not mistakes of the table."""
+def _allow_parameters(schema: dict[str, Any]) -> None:
+    """Allow parameters next to the model in a JSON schema, and require nothing that a paper's specimen has."""
     schema["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
     schema["properties"]["parameters"]["additionalProperties"] = schema["additionalProperties"]
     schema["required"] = ["model"]
@@ -54,7 +56,7 @@ class Specimen(Settings):
     `conditioning` multiply the whole force.
     """
 
-    model_config = ConfigDict(json_schema_extra=_shorthand)
+    model_config = ConfigDict(json_schema_extra=_allow_parameters)
 
     name: Literal["S1", "S2", "S3", "S4", "S5", "chicken", "chicken-sphere"] | None = Field(
         default=None, description="the paper's specimen it is based on; other keys override it"
@@ -94,37 +96,33 @@ class Specimen(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _gather_parameters(cls, data: Any) -> Any:
-        if not isinstance(data, dict):
-            return data
-        data = _with_the_papers(data)
-        if "parameters" in data:
-            return data
-        own = {key: value for key, value in data.items() if key in cls.model_fields}
-        beside = {key: value for key, value in data.items() if key not in own}
-        return own | {"parameters": {key: _plain(value) for key, value in beside.items()}}
+    def _gather_parameters(cls, table: Any) -> Any:
+        """Return the table with the parameters that stand next to the model under `parameters`."""
+        return gather_parameters(table, cls.model_fields) if isinstance(table, dict) else table
 
     @field_validator("model")
     @classmethod
-    def _without_a_stated_skin(cls, model: ContactModel) -> ContactModel:
-        """Return the model as it is on a level, flat skin: what the true skin is, `relief` says."""
+    def _drop_stated_skin(cls, model: ContactModel) -> ContactModel:
+        """Return the model on a level, flat skin: the true skin is that of `relief`."""
         return model if getattr(model, "skin", None) is None else model.model_copy(update={"skin": None})
 
     @field_validator("parameters", mode="before")
     @classmethod
-    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
+    def _convert_parameters(cls, entries: Any, info: ValidationInfo) -> Any:
+        """Return the parameters in SI; raises ValueError for one that the model lacks, or that the table lacks."""
         model = info.data.get("model")
-        if model is None or not isinstance(given, dict):
+        if model is None or not isinstance(entries, dict):
             return {}
-        names = {parameter.name: parameter.unit for parameter in model.parameters}
-        for name in (*given, *names):
-            if name not in names or name not in given:
-                problem = "is unknown" if name in given else "is missing"
-                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
-        return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
+        units = {parameter.name: parameter.unit for parameter in model.parameters}
+        for name in (*entries, *units):
+            if name not in units or name not in entries:
+                problem = "is unknown" if name in entries else "is missing"
+                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(units)}")
+        return {name: parameter_in_si(name, entries[name], unit) for name, unit in units.items()}
 
     @model_validator(mode="after")
-    def _layers_need_a_tip(self) -> Self:
+    def _check_layers(self) -> Self:
+        """Return the specimen; raises ValueError for layers under a model that cannot have any."""
         if self.layers and self.indenter is None:
             raise ValueError(
                 "layers need a model with an indenter: the depth that is felt depends on the contact's radius"
@@ -134,9 +132,10 @@ class Specimen(Settings):
         return self
 
     @model_validator(mode="after")
-    def _a_curved_skin_needs_a_round_tip(self) -> Self:
+    def _check_skin(self) -> Self:
+        """Return the specimen; raises ValueError for a curved skin under a tip that is not round, or too large."""
         if self.body is not None:
-            return self._with_a_body()
+            return self._check_body()
         curvatures = (0.0, 0.0) if self.relief.form is None else self.relief.form.curvatures
         if not any(curvatures):
             return self
@@ -146,50 +145,57 @@ class Specimen(Settings):
             raise ValueError("relief: a hollow is narrower than the tip")
         return self
 
-    def _with_a_body(self) -> Self:
+    def _check_body(self) -> Self:
+        """Return the specimen; raises ValueError for what a body's skin cannot have."""
         if self.relief.form is not None:
             raise ValueError("relief: tilt and radii are those of body: leave one of them out")
         if not self.tip_radius:
             raise ValueError("body needs a model whose indenter has a round end, as a sphere has")
         if any(inclusion.shape != "sphere" for inclusion in self.inclusions):
             raise ValueError('inclusions: below the skin of a body they have shape = "sphere"')
-        _ = self.over_inclusions
+        _ = self.over_inclusions  # now, so that one off the skin is reported with the table
         return self
 
     @cached_property
     def form(self) -> SkinForm | SkinOnSurface | None:
-        """The skin where it is a body's, tilted or curved; None where it is level and flat but for its roughness."""
+        """Skin of a body, or one that is tilted or curved; None for a level, flat one, whatever its roughness."""
         return self.relief.form if self.body is None else SkinOnSurface(self.body)
 
     @cached_property
     def over_inclusions(self) -> list[Floats]:
-        """Places (3,) [m] of a body's skin over its inclusions."""
-        return [self.form.over(one.place) for one in self.inclusions] if isinstance(self.form, SkinOnSurface) else []
+        """Places (3,) [m] of a body's skin over its inclusions; none without a body."""
+        if not isinstance(self.form, SkinOnSurface):
+            return []
+        return [self.form.over(inclusion.place) for inclusion in self.inclusions]
 
     @property
     def indenter(self) -> Indenter | None:
-        """The tip, of a model that has one."""
+        """Tip of the model; None for a model without one."""
         return getattr(self.model, "indenter", None)
 
     @cached_property
     def tip_radius(self) -> float:
-        """Radius [m] of a tip with a round end; 0 of any other, which counts as its lowest point."""
+        """Radius R = a^2/d [m] of a tip with a round end; 0 of any other, which counts as its lowest point.
+
+        The contact radius a of a round end grows as sqrt(R d) while the depth d is small.
+        """
         if self.indenter is None:
             return 0.0
-        shallow, deep, within = _ROUND
-        radius, other = (float(self.indenter.contact_radius(depth)) ** 2 / depth for depth in (shallow, deep))
-        return radius if abs(other / radius - 1.0) < within else 0.0
+        radius = float(self.indenter.contact_radius(SHALLOW_DEPTH)) ** 2 / SHALLOW_DEPTH
+        deeper_radius = float(self.indenter.contact_radius(DEEP_DEPTH)) ** 2 / DEEP_DEPTH
+        return radius if abs(deeper_radius / radius - 1.0) < ROUND_DIFFERENCE else 0.0
 
     @cached_property
     def layered(self) -> tuple[Floats, Floats]:
-        """Depths [m] and the factors of the layers at them."""
+        """Depths (m,) [m] and the factors (m,) by which the layers multiply the force there."""
         assert self.indenter is not None
         return layered_factors(self.layers, self.indenter)
 
     def upright_place(self, position: Floats, velocity: Floats, out: Floats, rate: Floats) -> tuple[Floats, Floats]:
-        """Positions and velocities (n, 3) of an upright tip whose round end is where that of a turned tool is.
+        """Return positions and velocities (n, 3) of an upright tip whose round end is at that of a turned tool.
 
-        `out` (n, 3) points from the tip along the tool, and changes at a `rate` (n, 3) [1/s].
+        `position` [m] and `velocity` [m/s] (n, 3) are those of the turned tool's tip; the direction `out` (n, 3) points
+        from it along the tool, and changes at a `rate` (n, 3) [1/s].
         """
         radius = self.tip_radius
         return position + radius * (out - np.array([0.0, 0.0, 1.0])), velocity + radius * rate
@@ -198,25 +204,25 @@ class Specimen(Settings):
         """Return the specimen after palpations at distances [m] and ages [s]."""
         if self.conditioning is None:
             return self
-        return self.model_copy(update={"palpated": self.palpated + self.conditioning.left_of(earlier)})
+        return self.model_copy(update={"palpated": self.palpated + self.conditioning.effective_count(earlier)})
 
     def with_friction(self, contact: Floats, velocity: Floats) -> Floats:
-        """Force (n, 3) [N] on a tip: the contact force (n,) along z, friction against its velocity (n, 3) [m/s].
+        """Return the force (n, 3) [N] on a tip with velocities (n, 3) [m/s]: `contact` (n,) [N] along z, and friction.
 
-        Friction is mu F tanh(|v|/(0.1 mm/s)), v the velocity along the surface.
+        Friction is mu F tanh(|v|/(0.1 mm/s)) against the velocity v along the surface.
         """
         sliding = velocity[:, :2]
         speed = np.linalg.norm(sliding, axis=1)
-        friction = self.friction * contact * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12)
+        friction = self.friction * contact * np.tanh(speed / FULL_FRICTION_SPEED) / np.maximum(speed, STANDSTILL_SPEED)
         return np.column_stack([-friction[:, None] * sliding, contact])
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where a motion goes through the material or touches off it."""
         x, y, z = setpoint.position.T
         if isinstance(self.form, SkinOnSurface):
-            place = setpoint.position - np.array([0.0, 0.0, self.surface])
-            self.form.refuse(place)
-            depth = -self.form.near(place)[0]
+            position = setpoint.position - np.array([0.0, 0.0, self.surface])
+            self.form.refuse(position)
+            depth = -self.form.near(position)[0]
         else:
             depth = self.surface + self.relief.height_at(x, y) - z
         if self.thickness is not None and depth.max() >= self.thickness:
@@ -224,47 +230,21 @@ class Specimen(Settings):
                 f"the trajectory goes {1e3 * depth.max():.3g} mm deep, beyond the specimen's thickness of "
                 f"{1e3 * self.thickness:.3g} mm"
             )
-        for outside, what in self._edges(x, y):
-            beside = outside & (depth > 0)
-            if beside.any():
-                first = int(np.argmax(beside))
+        for is_outside, size in self._edges(x, y):
+            touches_outside = is_outside & (depth > 0)
+            if touches_outside.any():
+                first = int(np.argmax(touches_outside))
                 raise ConfigurationError(
                     f"the trajectory touches at x = {1e3 * x[first]:.3g} mm, y = {1e3 * y[first]:.3g} mm, outside the "
-                    f"specimen of {what}"
+                    f"specimen of {size}"
                 )
 
     def _edges(self, x: Floats, y: Floats) -> Iterator[tuple[Any, str]]:
-        """Where x, y (n,) [m] are outside of the specimen, and its size in words; for each size that it has."""
+        """Yield for `size` and `diameter`, if stated: True (n,) for x, y (n,) [m] outside of it, and its text."""
         if self.size is not None:
-            wide, high = self.size
-            outside = (np.abs(x) > wide / 2 + 1e-9) | (np.abs(y) > high / 2 + 1e-9)
-            yield outside, f"{1e3 * wide:.3g} mm x {1e3 * high:.3g} mm"
+            width, height = self.size
+            is_outside = (np.abs(x) > width / 2 + EDGE_ROUNDING) | (np.abs(y) > height / 2 + EDGE_ROUNDING)
+            yield is_outside, f"{1e3 * width:.3g} mm x {1e3 * height:.3g} mm"
         if self.diameter is not None:
-            yield np.hypot(x, y) > self.diameter / 2 + 1e-9, f"{1e3 * self.diameter:.3g} mm of diameter"
-
-
-def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a specimen's table, completed from the paper's specimen of its name."""
-    known = dict(SPECIMENS.get(str(data.get("name")), {}))
-    if "parameters" in data:
-        known = {key: value for key, value in known.items() if key in Specimen.model_fields}
-    if "size" in data:
-        known.pop("diameter", None)
-    return known | data
-
-
-class _Plain(float):
-    """A number next to the model, without a unit, as a person writes it."""
-
-
-def _plain(value: Any) -> Any:
-    return _Plain(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _quantity(name: str, given: Any, unit: str) -> float:
-    if isinstance(given, _Plain) and (doubt := Quantity(unit).doubt(given)):
-        raise ValueError(f"{name}: {doubt}")
-    try:
-        return to_si(given, unit)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
+            is_outside = np.hypot(x, y) > self.diameter / 2 + EDGE_ROUNDING
+            yield is_outside, f"{1e3 * self.diameter:.3g} mm of diameter"

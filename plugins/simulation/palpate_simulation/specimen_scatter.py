@@ -1,4 +1,4 @@
-"""How the stiffness of a simulated specimen differs from place to place, and from palpation to palpation."""
+"""Stiffness of a simulated specimen that differs from place to place, and from palpation to palpation."""
 
 from __future__ import annotations
 
@@ -26,14 +26,18 @@ class Scatter(Settings):
 
     @cached_property
     def _waves(self) -> tuple[Floats, Floats]:
+        """Wave numbers (64, 2) [1/m] and phases (64,)."""
         return plane_waves(self.seed, self.length)
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Factor (n,) of the stiffness at x, y (n,) [m]."""
-        numbers, phases = self._waves
-        height = sum(np.cos(kx * x + ky * y + phase) for (kx, ky), phase in zip(numbers, phases, strict=True))
-        spread = math.sqrt(math.log1p(self.std**2))
-        return np.asarray(np.exp(spread * math.sqrt(2.0 / WAVES) * np.asarray(height) - spread**2 / 2))
+        """Return the factor (n,) of the stiffness at x, y (n,) [m]: exp(s g - s^2/2), g a field of variance 1.
+
+        s^2 = ln(1 + std^2) makes it log-normal with a mean of 1 and the standard deviation `std`.
+        """
+        wave_numbers, phases = self._waves
+        cosines = sum(np.cos(kx * x + ky * y + phase) for (kx, ky), phase in zip(wave_numbers, phases, strict=True))
+        s = math.sqrt(math.log1p(self.std**2))
+        return np.asarray(np.exp(s * math.sqrt(2.0 / WAVES) * np.asarray(cosines) - s**2 / 2))
 
 
 class Conditioning(Settings):
@@ -51,11 +55,15 @@ class Conditioning(Settings):
     recovery: Time | None = Field(default=None, gt=0, description="time in which it recovers to 1/e; left out: never")
     reach: Length = Field(default=0.005, gt=0, description="distance over which a palpation has an effect")
 
-    def left_of(self, earlier: Iterable[tuple[float, float]]) -> float:
-        """Return how many palpations those at distances [m] and ages [s] count for."""
-        forgetting = 0.0 if self.recovery is None else 1.0 / self.recovery
-        return float(sum(math.exp(-age * forgetting - 0.5 * (way / self.reach) ** 2) for way, age in earlier))
+    def effective_count(self, earlier: Iterable[tuple[float, float]]) -> float:
+        """Return the number of palpations that earlier ones count for, given as pairs of distance [m] and age [s].
+
+        Each counts exp(-age/recovery - distance^2/(2 reach^2)).
+        """
+        forgetting_rate = 0.0 if self.recovery is None else 1.0 / self.recovery  # [1/s]
+        weights = (math.exp(-age * forgetting_rate - 0.5 * (distance / self.reach) ** 2) for distance, age in earlier)
+        return float(sum(weights))
 
     def factor(self, palpated: float) -> float:
-        """Of the stiffness, after so many palpations."""
+        """Return the factor of the stiffness after `palpated` palpations: 1 - softening (1 - exp(-n/palpations))."""
         return 1.0 + self.softening * math.expm1(-palpated / self.palpations)

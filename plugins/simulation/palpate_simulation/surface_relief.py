@@ -14,17 +14,20 @@ from pydantic import Field, model_validator
 
 from palpate_simulation.skin_form import SkinForm
 
-WAVES = 64
-_TOGETHER = 4096  # places; what is worked on stays in the processor's cache
-_MANY = 4  # times that many places, from which on threads pay
-_STEEPEST = np.deg2rad(30.0)
+WAVES = 64  # cosines of a random field (a choice): enough for a nearly normal height
+CHUNK_SIZE = 4096  # places (a choice): the arrays of a chunk stay in the processor's cache
+MIN_PARALLEL_CHUNKS = 4  # from which on threads take less time than they cost (a choice)
+MAX_TILT = np.deg2rad(30.0)  # [rad] (a choice)
 
 
 def plane_waves(seed: int, length: float) -> tuple[Floats, Floats]:
-    """Wave numbers (64, 2) [1/m] and phases (64,) of cosines whose sum has the covariance exp(-r^2/(2 length^2))."""
-    dice = np.random.default_rng(seed)
-    numbers = dice.standard_normal((WAVES, 2)) / length
-    return numbers, dice.uniform(0.0, 2 * np.pi, WAVES)
+    """Return wave numbers (64, 2) [1/m] and phases (64,) of cosines, as random as a seed.
+
+    The sum of the cosines has the covariance 32 exp(-r^2/(2 length^2)), r [m] being the distance of two places.
+    """
+    rng = np.random.default_rng(seed)
+    wave_numbers = rng.standard_normal((WAVES, 2)) / length
+    return wave_numbers, rng.uniform(0.0, 2 * np.pi, WAVES)
 
 
 class Relief(Settings):
@@ -38,8 +41,8 @@ class Relief(Settings):
     std^2 exp(-r^2/(2 length^2)), smooth, and known with its slopes everywhere. One seed is one skin.
     """
 
-    tilt_x: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive x")
-    tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
+    tilt_x: Angle = Field(default=0.0, ge=-MAX_TILT, le=MAX_TILT, description="rise towards positive x")
+    tilt_y: Angle = Field(default=0.0, ge=-MAX_TILT, le=MAX_TILT, description="rise towards positive y")
     radius_x: Literal["flat"] | Length = Field(
         default="flat", description='radius of curvature towards x, negative in a hollow, or "flat"'
     )
@@ -49,17 +52,19 @@ class Relief(Settings):
     seed: int = Field(default=0, ge=0, description="seed of the random height")
 
     @model_validator(mode="after")
-    def _a_radius_has_a_length(self) -> Self:
+    def _check_radii(self) -> Self:
+        """Return the relief; raises ValueError for a radius of 0."""
         if 0.0 in (self.radius_x, self.radius_y):
             raise ValueError('radius_x, radius_y: a radius of 0 is not a skin; write "flat" where it is not curved')
         return self
 
     @cached_property
     def form(self) -> SkinForm | None:
-        """Tilt and curvature; None of a skin that is level and flat but for its roughness."""
-        by_x, by_y = (0.0 if isinstance(one, str) else 1.0 / one for one in (self.radius_x, self.radius_y))
-        found = SkinForm(self._tilt, (by_x, by_y))
-        return found if any((*found.slopes, *found.curvatures)) else None
+        """Tilt and curvature; None for a skin that is level and flat but for its roughness."""
+        curvature_x = 0.0 if isinstance(self.radius_x, str) else 1.0 / self.radius_x
+        curvature_y = 0.0 if isinstance(self.radius_y, str) else 1.0 / self.radius_y
+        form = SkinForm(self._tilt, (curvature_x, curvature_y))
+        return form if any((*form.slopes, *form.curvatures)) else None
 
     @cached_property
     def without_form(self) -> Relief:
@@ -69,52 +74,59 @@ class Relief(Settings):
     @cached_property
     def _waves(self) -> tuple[Floats, Floats, Floats]:
         """Wave numbers (64, 2) [1/m], phases (64,), and the amplitude of each [m]."""
-        numbers, phases = plane_waves(self.seed, self.length)
-        return numbers, phases, np.full(WAVES, self.roughness * np.sqrt(2.0 / WAVES))
+        wave_numbers, phases = plane_waves(self.seed, self.length)
+        # The variance of each cosine is 1/2.
+        return wave_numbers, phases, np.full(WAVES, self.roughness * np.sqrt(2.0 / WAVES))
 
     def height_at(self, x: Floats, y: Floats) -> Floats:
-        """Height (n,) [m] at x, y (n,) [m]."""
-        height = self._level(x, y)
-        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows]), len(height))
+        """Return the height (n,) [m] at x, y (n,) [m], of form and roughness."""
+        height = self._smooth_height(x, y)
+        self._for_each_chunk(lambda rows: self._add_roughness(x[rows], y[rows], height[rows]), len(height))
         return height
 
     def slopes_at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Slopes (n,) of the roughness towards x and y, at x, y (n,) [m]."""
+        """Return the slopes (n,) of the roughness towards x and y, at x, y (n,) [m]."""
         slope_x, slope_y = np.zeros_like(x), np.zeros_like(y)
-        self._rough(lambda rows: self._slope(x[rows], y[rows], slope_x[rows], slope_y[rows]), len(x))
+        self._for_each_chunk(lambda rows: self._add_slopes(x[rows], y[rows], slope_x[rows], slope_y[rows]), len(x))
         return slope_x, slope_y
 
     @property
     def _tilt(self) -> tuple[float, float]:
+        """Slopes of the tilted plane towards x and y."""
         return float(np.tan(self.tilt_x)), float(np.tan(self.tilt_y))
 
-    def _level(self, x: Floats, y: Floats) -> Floats:
+    def _smooth_height(self, x: Floats, y: Floats) -> Floats:
+        """Return the height (n,) [m] of the form alone."""
         if self.form is not None and any(self.form.curvatures):
             return self.form.height(x, y)
-        along_x, along_y = self._tilt
-        return along_x * x + along_y * y
+        slope_x, slope_y = self._tilt
+        return slope_x * x + slope_y * y
 
-    def _rough(self, work: Callable[[slice], None], places: int) -> None:
-        """Have work on the roughness done, where there is some: thousands of places at a time, many by all cores."""
+    def _for_each_chunk(self, add: Callable[[slice], None], count: int) -> None:
+        """Call `add` for the rows of each chunk of `count` places, in threads for many chunks; never without roughness.
+
+        `add` changes its rows of an array in place.
+        """
         if self.roughness <= 0:
             return
-        rows = [slice(begin, begin + _TOGETHER) for begin in range(0, places, _TOGETHER)]
-        if len(rows) < _MANY:
-            for one in rows:
-                work(one)
+        chunks = [slice(start, start + CHUNK_SIZE) for start in range(0, count, CHUNK_SIZE)]
+        if len(chunks) < MIN_PARALLEL_CHUNKS:
+            for rows in chunks:
+                add(rows)
             return
-        with ThreadPoolExecutor(os.cpu_count()) as pool:  # cosines of thousands let go of the interpreter
-            for _ in pool.map(work, rows):
+        # NumPy releases the interpreter's lock while it computes thousands of cosines.
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for _ in pool.map(add, chunks):
                 pass
 
-    def _roughen(self, x: Floats, y: Floats, height: Floats) -> None:
-        """Add the roughness to heights (n,)."""
+    def _add_roughness(self, x: Floats, y: Floats, height: Floats) -> None:
+        """Add the roughness at x, y (n,) [m] to heights (n,) [m], in place."""
         for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
             height += amplitude * np.cos(kx * x + ky * y + phase)
 
-    def _slope(self, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> None:
-        """Add the slopes of the roughness (n,)."""
+    def _add_slopes(self, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> None:
+        """Add the slopes of the roughness at x, y (n,) [m] to slopes (n,), in place."""
         for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
-            steepness = -amplitude * np.sin(kx * x + ky * y + phase)
-            slope_x += kx * steepness
-            slope_y += ky * steepness
+            derivative = -amplitude * np.sin(kx * x + ky * y + phase)  # by the phase [m]
+            slope_x += kx * derivative
+            slope_y += ky * derivative
