@@ -1,4 +1,4 @@
-"""What the twin's arm truly did: how fast its joints and its tip were, how far it went, and the force on the skin."""
+"""Record of the true motion of the twin's arm: speeds of joints and tip, positions, and the force on the skin."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from palpate import Floats
 
 from palpate_simulation.twins.arm import TICK
 
-_KEPT = 30_000  # ticks, a minute
-_MEAN = 10  # ticks over which an acceleration is averaged
+KEPT_TICKS = 30_000  # a minute (a choice)
+MEAN_TICKS = 10  # over which an acceleration is averaged, 20 ms (a choice)
 COLUMNS = ("time", "x", "y", "z", "vx", "vy", "vz", "turning", "joint_speed", "force", "commands")
 
 
@@ -20,12 +20,12 @@ class Truth:
     """Every tick of the last minute, and extremes since the last mark."""
 
     def __init__(self) -> None:
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=KEPT_TICKS)
         self.mark()
 
     def mark(self) -> None:
         """Forget the extremes."""
-        self._recent: deque[Floats] = deque(maxlen=_MEAN + 1)
+        self._recent_velocities: deque[Floats] = deque(maxlen=MEAN_TICKS + 1)
         self.acceleration = self.force = 0.0  # [m/s^2] over 20 ms, [N] on the skin
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._fastest = {"fastest_tip": 0.0, "fastest_turn": 0.0, "fastest_joint": 0.0}
@@ -33,19 +33,24 @@ class Truth:
     def add(
         self, now: float, place: Floats, velocity: Floats, turning: float, joint: float, force: float, commands: int
     ) -> None:
-        """One tick, at a monotonic time [s]: place [m] and velocity [m/s] (3,) in the work frame, speeds [rad/s]."""
+        """Add a tick at a monotonic time [s]: position [m] and velocity [m/s] (3,) of the tip in the work frame.
+
+        `turning` [rad/s] is the angular speed of the tool, `joint` [rad/s] that of the fastest joint, `force` [N] that
+        on the skin, `commands` the number of commands that the controller read.
+        """
         self._rows.append((now, *place.tolist(), *velocity.tolist(), turning, joint, force, commands))
         self._low, self._high = np.minimum(self._low, place), np.maximum(self._high, place)
         self.force = max(self.force, force)
-        self._recent.append(velocity)
-        if len(self._recent) > _MEAN:
-            change = math.dist(velocity.tolist(), self._recent[0].tolist())
-            self.acceleration = max(self.acceleration, change / (_MEAN * TICK))
-        found = math.hypot(*velocity.tolist()), turning, joint
-        self._fastest = {key: max(value, new) for (key, value), new in zip(self._fastest.items(), found, strict=True)}
+        # Mean acceleration over 20 ms.
+        self._recent_velocities.append(velocity)
+        if len(self._recent_velocities) > MEAN_TICKS:
+            change = math.dist(velocity.tolist(), self._recent_velocities[0].tolist())
+            self.acceleration = max(self.acceleration, change / (MEAN_TICKS * TICK))
+        speeds = {"fastest_tip": math.hypot(*velocity.tolist()), "fastest_turn": turning, "fastest_joint": joint}
+        self._fastest = {key: max(self._fastest[key], speed) for key, speed in speeds.items()}
 
     def facts(self) -> dict[str, Any]:
-        """Extremes since the last mark, in SI."""
+        """Return the extremes since the last mark, in SI."""
         return {
             **self._fastest,
             "largest_acceleration": self.acceleration,
@@ -54,5 +59,5 @@ class Truth:
         }
 
     def write(self, path: str) -> None:
-        """The last minute as a table (n, columns) in a file of numpy."""
+        """Write the last minute as a table (n, columns) to a file of numpy."""
         np.save(path, np.array(self._rows))

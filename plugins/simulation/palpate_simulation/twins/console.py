@@ -8,27 +8,32 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+READ_BYTES = 4096  # at once (a choice: many lines)
+
 
 class Console:
     """The standard input, where it is open: each line is answered."""
 
     def __init__(self, answer: Callable[[list[str]], str], commands: Mapping[str, str]) -> None:
         self._answer, self._commands = answer, commands
-        self._listening = _somebody_speaks()
-        self._typed = ""
+        self._listening = _has_speaker()
+        self._typed = ""  # an incomplete line
         self.ended = False  # by `quit`, or by the end of the input
 
     @property
     def inputs(self) -> list[Any]:
-        """What to wait for in addition to the sockets."""
+        """Files to wait for in addition to the sockets: the standard input, where it is open."""
         return [sys.stdin] if self._listening else []
 
     def read(self, ready: Sequence[Any]) -> None:
-        """Answer what was typed, if the standard input is ready; read past its buffer, which `select` cannot see."""
+        """Answer the lines that were typed, if the standard input is ready.
+
+        It is read past Python's buffer, of which `select` does not know.
+        """
         if sys.stdin not in ready:
             return
         try:
-            data = os.read(sys.stdin.fileno(), 4096)
+            data = os.read(sys.stdin.fileno(), READ_BYTES)
         except OSError:  # its terminal has gone
             self._listening = False
             return
@@ -42,7 +47,7 @@ class Console:
             self.ended = self.ended or words[:1] == ["quit"]
 
 
-def _somebody_speaks() -> bool:
+def _has_speaker() -> bool:
     """Return True if the standard input is a person or a program, not /dev/null, as in the background of a shell."""
     if sys.stdin is None or sys.stdin.closed:
         return False

@@ -7,28 +7,35 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats, clock
-from palpate_kit.kinematics.rotations import pose_of, rotation_matrix
+from palpate import ConfigurationError, clock
 
 from palpate_simulation.sensor_wrench import flange_wrench
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 from palpate_simulation.twins.dashboard import TOO_SOON, dashboard_facts
 from palpate_simulation.twins.program import Program
+from palpate_simulation.twins.reported_motion import ReportedMotion
 from palpate_simulation.twins.rtde import OUTPUTS, ClientSession
 
 VERSION = (5, 12, 4, 1101661)
 GREETING = "Connected: Universal Robots Dashboard Server"
+# Numbers of RTDE (UR, "Real-Time Data Exchange guide"): states of the program, modes of safety and robot, status bits.
 _STOPPED, _PLAYING, _PAUSED = 1, 2, 4
 _NORMAL, _REDUCED, _PROTECTIVE, _SAFEGUARD, _EMERGENCY = 1, 2, 3, 5, 7
 _SOUND = (_NORMAL, _REDUCED)
 _POWER_OFF, _BACKDRIVE, _RUNNING = 3, 6, 7
 _SAFETY_BITS = {_NORMAL: 0x1, _REDUCED: 0x2, _PROTECTIVE: 0x404, _SAFEGUARD: 0x410, _EMERGENCY: 0x4C0}
-_FLANGE = np.eye(4)  # the tool that ends there
-_SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
+_POWER_ON_BIT, _PROGRAM_BIT = 1, 2
+_JOINT_RUNNING = 253
+_MAIN_VOLTAGE = 48.0  # [V]
+_UNLOCK_TIME = 5.0  # [s] after a protective stop, before which the dashboard refuses to unlock it
+_SAFETY_DECELERATION = 80.0  # [rad/s^2] of safety stops (a choice): as hard as servoing may accelerate
+_TIME_ROUNDING = 1e-9  # [s] by which an input may be dated after a tick that reads it
+_FLANGE = np.eye(4)  # tool that ends at the flange
+_SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}  # numbers of an output by its type
 
 
 class Controller:
-    """Everything but the sockets.
+    """Modes, program, inputs and outputs of a controller: everything but its sockets.
 
     In a protective stop the program is paused; in an emergency stop it ends and the arm loses its power. Whether a real
     controller says PLAYING for some cycles of a protective stop is not known.
@@ -36,12 +43,11 @@ class Controller:
 
     def __init__(self, arm: SimulatedArm, position_std: float, velocity_std: float, seed: int) -> None:
         self.arm = arm
-        self._rng = np.random.default_rng(seed)
-        self._noise = position_std, velocity_std
+        self.motion = ReportedMotion(arm, position_std, velocity_std, seed)
         self.inputs: dict[str, Any] = {}
-        self._came: list[dict[str, Any]] = []  # inputs, just written
-        self._written: deque[tuple[float, dict[str, Any]]] = deque()  # with the time at which they came, not read yet
-        self._dated = 0.0  # until when
+        self._undated: list[dict[str, Any]] = []  # inputs that were just written
+        self._unread: deque[tuple[float, dict[str, Any]]] = deque()  # inputs with their times of arrival [s]
+        self._dated_until = 0.0  # [s]
         self.read = 0  # inputs that the latest tick read: more than one, and all but the last have had no effect
         self._owners: dict[str, ClientSession] = {}
         self._program: Program | None = None
@@ -53,22 +59,17 @@ class Controller:
         self.force = np.zeros(6)
         self.complaints: list[str] = []
         self.unknown_output = ""  # an output that this controller does not have
-        self.refuses_start = False
+        self.refuses_start = False  # to send states
         self.remote = True  # in remote control
         self.deaf = False  # no program starts
         self.uploads = 0
-        self.stuck: list[float] | None = None  # the pose that it keeps reporting
-        self.no_number = False  # its pose is not a number
-        self.pose_offset, self.frame_offset = np.zeros(3), np.zeros(3)  # [m] of its pose; of its pose and its target
-        self.stamp_leap = 0.0  # [s] of its time-stamps
-        self.speed_factor = 1.0  # of the tip's speed that it reports
         self.pendant_tcp = arm.tcp
         self.load: tuple[float, tuple[float, ...]] = 0.0, (0.0, 0.0, 0.0)  # [kg] at the flange, its centre [m]
         self._state: dict[str, Any] = {
             name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
         }
-        self._state |= {"joint_mode": (253,) * 6}
-        self._state |= {"actual_main_voltage": 48.0, "actual_robot_voltage": 48.0}
+        self._state |= {"joint_mode": (_JOINT_RUNNING,) * 6}
+        self._state |= {"actual_main_voltage": _MAIN_VOLTAGE, "actual_robot_voltage": _MAIN_VOLTAGE}
 
     def claim(self, session: ClientSession, name: str) -> bool:
         """Return True if an input belongs to a session; the first that asks gets it."""
@@ -79,13 +80,13 @@ class Controller:
         self._owners = {name: owner for name, owner in self._owners.items() if owner is not session}
 
     def write(self, values: dict[str, Any]) -> None:
-        """Take note of inputs; the first tick after they came reads them."""
-        self._came.append(values)
+        """Accept inputs; the first tick after their arrival reads them."""
+        self._undated.append(values)
         if self._program is not None and any(name.startswith("input_int_register") for name in values):
             self._program.feed(clock().now())
 
     def upload(self, text: str) -> None:
-        """Start a program, in place of the running one."""
+        """Start the program of a script, in place of the running one; ignore it where the arm cannot move."""
         self.uploads += 1
         if self._safety in _SOUND and self._robot_mode == _RUNNING and not self.deaf and "def " in text:
             self._program, self._runtime = Program(text, self.arm, self.protective_stop), _PLAYING
@@ -106,7 +107,7 @@ class Controller:
     def protective_stop(self, safeguard: bool = False) -> None:
         """Stop as after a collision, or as by an open safeguard."""
         self.pause()
-        self.arm.stop(80.0)
+        self.arm.stop(_SAFETY_DECELERATION)
         self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
     def reduce(self) -> None:
@@ -115,12 +116,12 @@ class Controller:
 
     def move_slider(self, fraction: float) -> None:
         """Move the speed slider to a fraction (0 to 1); raises ValueError beyond."""
-        self._slider = _fraction(fraction)
+        self._slider = _checked_fraction(fraction)
         self.arm.pace = self._slider * self._scaling
 
     def scale_speed(self, fraction: float) -> None:
         """Slow the arm down to a fraction (0 to 1), as the controller does for its limits; raises ValueError beyond."""
-        self._scaling = _fraction(fraction)
+        self._scaling = _checked_fraction(fraction)
         self.arm.pace = self._slider * self._scaling
 
     def change_mode(self, number: int) -> None:
@@ -129,14 +130,10 @@ class Controller:
         if number != _RUNNING:
             self.end_program()
 
-    def stick(self) -> None:
-        """Keep reporting the present pose, and all else as it is."""
-        self.stuck = self.arm.pose
-
     def emergency_stop(self) -> None:
         """Stop as by the red button."""
         self.end_program()
-        self.arm.stop(80.0)
+        self.arm.stop(_SAFETY_DECELERATION)
         self._safety = _EMERGENCY
 
     def release_emergency_stop(self) -> None:
@@ -172,35 +169,38 @@ class Controller:
         self.arm.brakes = deceleration
 
     def restore(self, q: Any) -> None:
-        """No stop, no program, the arm at rest at joint angles (n,)."""
+        """End every stop, program and fault; the arm is at rest at joint angles (n,) [rad]."""
         self.end_program()
-        self._came.clear()
-        self._written.clear()
+        self._undated.clear()
+        self._unread.clear()
         self._safety, self._robot_mode = _NORMAL, _RUNNING
-        self._slider, self._scaling, self.arm.pace = 1.0, 1.0, 1.0
-        self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
-        self.stamp_leap, self.speed_factor = 0.0, 1.0
-        self.pose_offset, self.frame_offset = np.zeros(3), np.zeros(3)
-        self.stuck, self.no_number, self.arm.jammed, self.arm.brakes = None, False, False, math.inf
-        self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros_like(q), self.pendant_tcp
+        self._slider, self._scaling = 1.0, 1.0
+        self.unknown_output, self.refuses_start = "", False
+        self.remote, self.deaf = True, False
+        self.motion.restore()
+        arm = self.arm
+        arm.pace, arm.jammed, arm.brakes = 1.0, False, math.inf
+        arm.q, arm.qd, arm.tcp = q, np.zeros_like(q), self.pendant_tcp
 
     def date(self, until: float) -> None:
-        """What was just written came by one of its own times [s]: evenly since what came before.
+        """Date the inputs that were just written, up to a time of the controller [s]: evenly since the last ones.
 
-        A controller is not as late as the process that plays it: what that finds at once after it was held up came
-        one after the other, while what comes at once while it is awake did so.
+        A controller is not as late as the process that plays it: inputs that the process reads at once after it was
+        held up came one after the other, while those that come at once while it is awake did so.
         """
-        step = max(until - self._dated, 0.0) / max(len(self._came), 1)
-        self._written.extend((until - (len(self._came) - 1 - i) * step, v) for i, v in enumerate(self._came))
-        self._dated = until
-        self._came.clear()
+        count = len(self._undated)
+        step = max(until - self._dated_until, 0.0) / max(count, 1)
+        for i, values in enumerate(self._undated):
+            self._unread.append((until - (count - 1 - i) * step, values))
+        self._dated_until = until
+        self._undated.clear()
 
     def tick(self) -> None:
-        """Two milliseconds."""
+        """Advance inputs, program and arm by one tick, 2 ms."""
         self.now += TICK
         self.read = 0
-        while self._written and self._written[0][0] <= self.now + 1e-9:
-            self.inputs |= self._written.popleft()[1]
+        while self._unread and self._unread[0][0] <= self.now + _TIME_ROUNDING:
+            self.inputs |= self._unread.popleft()[1]
             self.read += 1
         # The watchdog counts the host's time: ticks that are caught up in one go leave no room for commands between.
         program = self._program if self._runtime == _PLAYING else None
@@ -209,43 +209,24 @@ class Controller:
         self.arm.advance()
 
     def state(self) -> dict[str, Any]:
-        """Return the present outputs: joints with their noise, and what follows from the joints."""
-        arm = self.arm
-        pose, jacobian = arm.tip(arm.tcp)
-        # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
-        lever = math.hypot(*jacobian[2].tolist()) or 1.0
-        noise = self._rng.standard_normal((2, len(arm.q)))
-        error, error_rate = noise[0] * (self._noise[0] / lever), noise[1] * (self._noise[1] / lever)
-        q, qd, shift = arm.q + error, arm.qd + error_rate, jacobian @ error
-        measured = pose.copy()
-        measured[:3, 3] += shift[:3] + self.pose_offset + self.frame_offset
-        measured[:3, :3] = rotation_matrix(shift[3:].tolist()) @ pose[:3, :3]
-        emergency = self._safety == _EMERGENCY
+        """Return the present outputs of RTDE by name; the dict is the same in every call."""
+        is_emergency = self._safety == _EMERGENCY
+        power_bit = 0 if is_emergency else _POWER_ON_BIT
+        program_bit = _PROGRAM_BIT if self._program is not None and not is_emergency else 0
+        self._state |= self.motion.outputs(self.now)
         self._state |= {
-            "timestamp": self.now + self.stamp_leap,
-            "actual_q": q.tolist(),
-            "actual_qd": qd.tolist(),
-            "target_q": arm.q.tolist(),
-            "target_qd": arm.qd.tolist(),
-            "actual_TCP_pose": pose_of(measured),
-            "actual_TCP_speed": (self.speed_factor * (jacobian @ qd)).tolist(),
-            "target_TCP_pose": _shifted(pose_of(pose), self.frame_offset),
             "actual_TCP_force": self.force.tolist(),
-            "ft_raw_wrench": flange_wrench(arm.tip(_FLANGE)[0], *self.load),
-            "robot_mode": _POWER_OFF if emergency else self._robot_mode,
+            "ft_raw_wrench": flange_wrench(self.arm.tip(_FLANGE)[0], *self.load),
+            "robot_mode": _POWER_OFF if is_emergency else self._robot_mode,
             "target_speed_fraction": self._slider,
             "speed_scaling": self._scaling,
             "safety_mode": self._safety,
             "safety_status": self._safety,
             "runtime_state": self._runtime,
-            "robot_status_bits": 0 if emergency else 1 | (2 if self._program is not None else 0),
+            "robot_status_bits": power_bit | program_bit,
             "safety_status_bits": _SAFETY_BITS[self._safety],
         }
         self._state |= self.inputs  # registers are read back
-        if self.stuck is not None:
-            self._state["actual_TCP_pose"] = self.stuck
-        if self.no_number:
-            self._state["actual_TCP_pose"] = [float("nan")] * 6
         if self._program is not None:
             self._state |= self._program.outputs
         else:
@@ -258,10 +239,11 @@ class Controller:
             self.end_program()
             return "Stopped"
         if line == "play":
-            self._runtime = _PLAYING if self._program is not None and self._safety in _SOUND else self._runtime
+            if self._program is not None and self.is_sound:
+                self._runtime = _PLAYING
             return "Starting program" if self._runtime == _PLAYING else "Failed to execute: play"
         if line == "unlock protective stop":
-            if self.now - self._stopped_at < 5.0:
+            if self.now - self._stopped_at < _UNLOCK_TIME:
                 return TOO_SOON
             self._safety = _NORMAL
             return "Protective stop releasing"
@@ -271,11 +253,8 @@ class Controller:
         return facts.get(line, f"could not understand: '{line}'")
 
 
-def _shifted(pose: list[float], offset: Floats) -> list[float]:
-    return [*(np.array(pose[:3]) + offset).tolist(), *pose[3:]]
-
-
-def _fraction(given: float) -> float:
-    if not 0.0 <= given <= 1.0:
+def _checked_fraction(fraction: float) -> float:
+    """Return a fraction from 0 to 1; raises ValueError for any other number."""
+    if not 0.0 <= fraction <= 1.0:
         raise ValueError("a fraction of the speed is from 0 to 1")
-    return given
+    return fraction

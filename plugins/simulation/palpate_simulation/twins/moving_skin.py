@@ -21,15 +21,21 @@ class MovingSkin:
         self._breath: _Path | None = None
 
     def breathe(self, height: float, rate: float, now: float) -> None:
-        """Rise by a height [m] and fall again at a rate [Hz], from a time [s] on; a rate of 0 ends it."""
+        """Rise by a height [m] and fall again at a rate [Hz], from a time [s] on; a rate of 0 ends it.
+
+        The height is h/2 (1 - cos(2 pi rate t)). Raises ValueError.
+        """
         if not (math.isfinite(height) and 0.0 <= rate < math.inf):
             raise ValueError
-        self._breath = (
-            (lambda times: 0.5 * height * (1.0 - np.cos(2.0 * np.pi * rate * (times - now)))) if rate else None
-        )
+        self._breath = None
+        if rate:
+            self._breath = lambda times: 0.5 * height * (1.0 - np.cos(2.0 * np.pi * rate * (times - now)))
 
     def rise(self, height: float, duration: float, now: float) -> None:
-        """Rise by a height [m], or fall by one below 0, within a duration [s] from a time [s] on, and stay there."""
+        """Rise by a height [m], or fall by one below 0, within a duration [s] from a time [s] on, and stay there.
+
+        Raises ValueError.
+        """
         if not (math.isfinite(height) and 0.0 < duration < math.inf):
             raise ValueError
         self._paths.append(lambda times: height * _smooth_step((times - now) / duration))
@@ -41,19 +47,23 @@ class MovingSkin:
 
     @property
     def moves(self) -> bool:
-        """True if anything moves it."""
+        """True if the skin moves or has moved."""
         return bool(self._paths) or self._breath is not None
 
     def motion(self, times: Floats) -> tuple[Floats, Floats]:
-        """Heights (n,) [m] and speeds (n,) [m/s] at times (n,) [s]."""
+        """Return heights (n,) [m] and speeds (n,) [m/s] at times (n,) [s]."""
         return self._height(times), (self._height(times + TICK) - self._height(times - TICK)) / (2.0 * TICK)
 
     def _height(self, times: Floats) -> Floats:
+        """Return the sum of all motions, heights (n,) [m] at times (n,) [s]."""
         paths = [*self._paths, *([] if self._breath is None else [self._breath])]
         return np.asarray(sum((path(times) for path in paths), np.zeros_like(times)))
 
 
 def _smooth_step(share: Floats) -> Floats:
-    """From 0 to 1 with shares (n,) of a time; of fifth order, so that speed and acceleration begin and end with 0."""
+    """Return 10 t^3 - 15 t^4 + 6 t^5 (n,), which rises from 0 to 1 with shares t (n,) of a time.
+
+    The only polynomial of fifth order whose speed and acceleration are 0 at both ends.
+    """
     t = np.clip(share, 0.0, 1.0)
     return np.asarray(10.0 * t**3 - 15.0 * t**4 + 6.0 * t**5)
