@@ -1,4 +1,4 @@
-"""How the twins are reached from outside."""
+"""Ports and lines by which the twins are reached."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Any, Protocol
 from palpate_kit.protocols.rdt_packets import PORT
 
 from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.datagram_lines import DatagramLine, UdpLine
 from palpate_simulation.twins.delay_line import DelayLine
-from palpate_simulation.twins.sensor_lines import DatagramLine, PseudoTerminal, SerialLine, UdpLine
+from palpate_simulation.twins.sensor_lines import PseudoTerminal, SerialLine
 from palpate_simulation.twins.sockets import ListeningPorts
 
 
 class RobotPorts(Protocol):
-    """The ports of a controller, and what can go wrong with them."""
+    """Ports of a controller, with the faults that they can have."""
 
     began: float  # the controller's zero of time, as a monotonic time [s]
     frozen: bool  # no states are sent
@@ -22,16 +23,16 @@ class RobotPorts(Protocol):
     halved: bool  # half a state is sent, then none
     missing: int  # bytes that the states lack at their end
     greets_not: bool  # the dashboard does not speak first
-    late: DelayLine[dict[str, Any]]  # on which the states go
+    late: DelayLine[dict[str, Any]]  # of the states
     control_mute: bool  # the connection that commands is neither read nor answered
 
     @property
     def sockets(self) -> list[Any]:
-        """What to wait for."""
+        """Sockets to wait for."""
         ...
 
     def serve(self, ready: list[Any]) -> None:
-        """Take what has come."""
+        """Take connections and data of the sockets that are ready."""
 
     def broadcast(self) -> None:
         """Send this tick's state."""
@@ -46,7 +47,7 @@ class RobotPorts(Protocol):
         """End every connection, politely or by a reset; new ones are welcome."""
 
     def hold_back(self, duration: float) -> None:
-        """Hold back what commands send, for a time [s]; then all of it lands at once."""
+        """Hold commands back for a time [s]; then all of them arrive at once."""
 
     def close(self, reset: bool = False) -> None:
         """Stop listening, and end every connection."""
@@ -56,18 +57,18 @@ class RobotPorts(Protocol):
 
 
 class Wiring(Protocol):
-    """What connects twins with the drivers that talk to them."""
+    """Connections between twins and the drivers that talk to them."""
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
-        """Return the controller's."""
+        """Return the ports of a controller."""
         ...
 
     def serial(self, path: Path) -> SerialLine:
-        """Return a serial sensor's."""
+        """Return the line of a serial sensor."""
         ...
 
     def datagrams(self, address: str) -> DatagramLine:
-        """Return a sensor's on the net."""
+        """Return the line of a sensor on the net."""
         ...
 
 
@@ -75,7 +76,7 @@ class NetworkWiring:
     """Ports of a loopback address, a pseudo-terminal, UDP: the real drivers reach them unchanged."""
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
-        """RTDE, script and dashboard ports."""
+        """Return the ports of RTDE, script and dashboard."""
         return ListeningPorts(address, controller)
 
     def serial(self, path: Path) -> SerialLine:

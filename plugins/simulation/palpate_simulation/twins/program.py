@@ -6,13 +6,16 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from palpate import Floats
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 
 from palpate_simulation.twins.arm import TICK, SimulatedArm
+from palpate_simulation.twins.ur_commands import DONE, READY, REALTIME_COMMANDS, Command
 
-# Commands that stay in the register and are carried out at every tick.
-_EVERY_TICK = {6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)}
-_READY, _DONE, _END = 1, 2, 255
+PARAMETERS = 14  # double registers of a command
+# Indexes of parameters after the six numbers of a pose, of joints or of a speed.
+SPEED, ACCELERATION, LOOKAHEAD, GAIN = 6, 7, 9, 10
 
 
 class Program:
@@ -20,6 +23,7 @@ class Program:
 
     Carried out: servoJ/L, speedJ/L, moveJ/L and their stops, watchdog, TCP, kinematics, steadiness, protective stop,
     and what needs no motion (payload, zero of the force sensor). Any other command ends the program, and says so.
+    The registers are counted from the offset that the script `text` states.
     """
 
     def __init__(self, text: str, arm: SimulatedArm, protect: Callable[[], None]) -> None:
@@ -27,126 +31,137 @@ class Program:
         self._protect = protect
         match = re.search(r"# int register offset\s*(\d+)", text)
         self._offset = int(match[1]) if match else 0
-        self._busy: Callable[[], bool] | None = None
+        self._is_busy: Callable[[], bool] | None = None  # of the command that is being carried out, as long as it is
         self._executing = False
-        self._limit: float | None = None  # [s] between commands, once the watchdog is set
-        self._fed = 0.0
-        self._operation = 0
+        self._watchdog_time: float | None = None  # [s] between commands at most, once the watchdog is set
+        self._fed_at = 0.0  # [s] of the last command
         self.zeroed = False
         self.outputs: dict[str, Any] = {}
         self.complaint = ""
-        self._say(0)
+        self._report_status(0)
 
     def feed(self, now: float) -> None:
-        """The command register was written at a time [s]."""
-        self._fed = now
+        """Feed the watchdog at a time [s] at which the command register was written."""
+        self._fed_at = now
 
     def step(self, inputs: dict[str, Any], now: float) -> bool:
-        """One tick; False where the program ends."""
-        if self._limit is not None and now - self._fed > self._limit:
+        """Advance by a tick at a time [s], with the registers by name; return False where the program ends."""
+        if self._watchdog_time is not None and now - self._fed_at > self._watchdog_time:
             self.complaint = "the watchdog found no command in time"
             return False
-        if self._busy is not None:
-            if self._busy():
+        # A move or a stop goes on until the arm is at rest.
+        if self._is_busy is not None:
+            if self._is_busy():
                 return True
-            self._busy = None
-            self._say(_DONE)
+            self._is_busy = None
+            self._report_status(DONE)
         command = int(inputs.get(f"input_int_register_{self._offset}", 0))
-        if command in _EVERY_TICK:
-            self._say(_READY)
+        if command in REALTIME_COMMANDS:
+            self._report_status(READY)
             return self._carry_out(command, inputs)
-        if command == 0:
+        if command == Command.NONE:
             self._executing = False
-            self._say(_READY)
+            self._report_status(READY)
             return True
-        if not self._executing:
-            self._executing = True
-            if command == _END or not self._carry_out(command, inputs):
-                return False
-            if self._busy is None:
-                self._say(_DONE)
+        return self._executing or self._start(command, inputs)
+
+    def _start(self, command: int, inputs: dict[str, Any]) -> bool:
+        """Carry out a command once, until the register is 0 again; return False where the program ends."""
+        self._executing = True
+        if command == Command.STOP_SCRIPT or not self._carry_out(command, inputs):
+            return False
+        if self._is_busy is None:
+            self._report_status(DONE)
         return True
 
-    def _say(self, state: int) -> None:
-        self.outputs[f"output_int_register_{self._offset}"] = state
+    def _report_status(self, status: int) -> None:
+        """Write a status to the output register."""
+        self.outputs[f"output_int_register_{self._offset}"] = status
 
     def _carry_out(self, command: int, inputs: dict[str, Any]) -> bool:
-        p = [float(inputs.get(f"input_double_register_{self._offset + i}", 0.0)) for i in range(14)]
-        word = int(inputs.get(f"input_int_register_{self._offset + 1}", 0))
-        arm, now_fine = self._arm, True
+        """Carry out a command with the parameters in the registers; return False, with a complaint, if it cannot be."""
+        p = [float(inputs.get(f"input_double_register_{self._offset + i}", 0.0)) for i in range(PARAMETERS)]
+        arm, is_reached = self._arm, True
         match command:
-            case 11:
-                arm.servo(_joints(p), p[9], p[10])
-            case 24:
-                now_fine = arm.servo_to_pose(p[:6], p[9], p[10])
-            case 9:
-                arm.run_at(_joints(p))
-            case 10:
-                now_fine = arm.run_tip_at(p[:6])
-            case 1 | 2 | 3 | 4:
-                now_fine = self._move(command, p, word)
-            case 15 | 16 | 33 | 34:
+            case Command.SERVOJ:
+                arm.servo(np.array(p[:6]), p[LOOKAHEAD], p[GAIN])
+            case Command.SERVOL:
+                is_reached = arm.servo_to_pose(p[:6], p[LOOKAHEAD], p[GAIN])
+            case Command.SPEEDJ:
+                arm.run_at(np.array(p[:6]))
+            case Command.SPEEDL:
+                is_reached = arm.run_tip_at(p[:6])
+            case Command.MOVEJ | Command.MOVEJ_IK | Command.MOVEL | Command.MOVEL_FK:
+                is_asynchronous = int(inputs.get(f"input_int_register_{self._offset + 1}", 0))
+                is_reached = self._move(command, p, bool(is_asynchronous))
+            case Command.SPEED_STOP | Command.SERVO_STOP | Command.STOPL | Command.STOPJ:
                 arm.stop()
-                self._busy = self._until_at_rest
-            case 35:
-                self._limit = 1.0 / p[0] if p[0] > 0 else None
-            case 29:
+                self._is_busy = self._is_moving
+            case Command.SET_WATCHDOG:
+                self._watchdog_time = 1.0 / p[0] if p[0] > 0 else None
+            case Command.SET_TCP:
                 arm.tcp = matrix_of(p[:6])
-            case 31:
+            case Command.PROTECTIVE_STOP:
                 self._protect()
-            case 8:
+            case Command.ZERO_FORCE_SENSOR:
                 self.zeroed = True
-            case 26 | 40 | 47 | 36 | 37 | 30 | 46 | 44:
-                self._ask(command, p)
-            case 17:
+            case Command.SET_PAYLOAD:
                 self.outputs |= {"payload": p[0], "payload_cog": tuple(p[1:4])}
-            case 7 | 59:
+            case Command.FORCE_MODE_STOP | Command.SET_GRAVITY:
+                pass
+            case _:
+                return self._answer(command, p)
+        if not is_reached:
+            self.complaint = f"command {command}: out of reach"
+        return is_reached
+
+    def _is_moving(self) -> bool:
+        """Return True until the arm is at rest."""
+        return self._arm.moving
+
+    def _move(self, command: int, p: list[float], is_asynchronous: bool) -> bool:
+        """Move to joints or to a pose, p[:6]; return False for one out of reach, or a speed or acceleration of 0."""
+        arm, speed, acceleration = self._arm, p[SPEED], p[ACCELERATION]
+        is_goal_in_joints = command in (Command.MOVEJ, Command.MOVEL_FK)
+        goal: Floats | None = np.array(p[:6]) if is_goal_in_joints else arm.inverse(p[:6])
+        if goal is None or speed <= 0 or acceleration <= 0:
+            return False
+        if command in (Command.MOVEJ, Command.MOVEJ_IK):
+            arm.move(goal, speed, acceleration)
+        elif not arm.move_linear(pose_of(arm.model.tip(goal.tolist(), arm.tcp)[0]), speed, acceleration):
+            return False
+        if not is_asynchronous:
+            self._is_busy = self._is_moving
+        return True
+
+    def _answer(self, command: int, p: list[float]) -> bool:
+        """Answer a query in the output registers; return False, with a complaint, for a command that is unknown.
+
+        The numbers of the answer are in the double registers, 1 for success or yes in the second integer register.
+        """
+        arm = self._arm
+        numbers: list[float] = []
+        is_positive = True
+        match command:
+            case Command.GET_STEPTIME:
+                numbers = [TICK]
+            case Command.GET_TCP_OFFSET:
+                numbers = pose_of(arm.tcp)
+            case Command.GET_FORWARD_KINEMATICS_ARGS:
+                tool = matrix_of(p[6:12]) if any(p[6:12]) else arm.tcp
+                numbers = pose_of(arm.model.tip(p[:6], tool)[0])
+            case Command.GET_INVERSE_KINEMATICS_ARGS | Command.GET_INVERSE_KINEMATICS_DEFAULT:
+                joints = arm.inverse(p[:6])
+                numbers = [] if joints is None else joints.tolist()
+                is_positive = joints is not None or not arm.moving
+            case Command.IS_STEADY:
+                is_positive = not arm.moving
+            case Command.IS_POSE_WITHIN_SAFETY_LIMITS | Command.IS_JOINTS_WITHIN_SAFETY_LIMITS:
                 pass
             case _:
                 self.complaint = f"command {command} is not carried out in software"
                 return False
-        if not now_fine:
-            self.complaint = f"command {command}: out of reach"
-        return now_fine
-
-    def _until_at_rest(self) -> bool:
-        return self._arm.moving
-
-    def _move(self, command: int, p: list[float], asynchronous: int) -> bool:
-        arm, speed, acceleration = self._arm, p[6], p[7]
-        if command in (1, 4):
-            goal: Any = _joints(p)
-        else:
-            goal = arm.inverse(p[:6])
-        if goal is None or speed <= 0 or acceleration <= 0:
-            return False
-        if command in (1, 2):
-            arm.move(goal, speed, acceleration)
-        elif not arm.move_linear(pose_of(arm.model.tip(goal.tolist(), arm.tcp)[0]), speed, acceleration):
-            return False
-        if not asynchronous:
-            self._busy = self._until_at_rest
-        return True
-
-    def _ask(self, command: int, p: list[float]) -> None:
-        answer: list[float] = []
-        if command == 26:
-            answer = [TICK]
-        elif command == 40:
-            answer = pose_of(self._arm.tcp)
-        elif command == 44:
-            tool = matrix_of(p[6:12]) if any(p[6:12]) else self._arm.tcp
-            answer = pose_of(self._arm.model.tip(p[:6], tool)[0])
-        elif command in (30, 46):
-            found = self._arm.inverse(p[:6])
-            answer = [] if found is None else found.tolist()
-        result = 1 if answer or command in (36, 37) or not self._arm.moving else 0
-        self.outputs[f"output_int_register_{self._offset + 1}"] = result
-        for i, number in enumerate(answer):
+        self.outputs[f"output_int_register_{self._offset + 1}"] = int(is_positive)
+        for i, number in enumerate(numbers):
             self.outputs[f"output_double_register_{self._offset + i}"] = number
-
-
-def _joints(p: list[float]) -> Any:
-    import numpy as np
-
-    return np.array(p[:6])
+        return True

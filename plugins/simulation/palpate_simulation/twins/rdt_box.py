@@ -9,17 +9,20 @@ import numpy as np
 from palpate import Floats
 from palpate_kit.protocols.rdt_packets import PERIOD, REPLY, STOP, STREAM, parse_request
 
+from palpate_simulation.twins.datagram_lines import DatagramLine
 from palpate_simulation.twins.delay_line import DelayLine
-from palpate_simulation.twins.sensor_lines import DatagramLine
 
-COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre
+COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre, as the device assumes
+SEQUENCE_NUMBERS = 1 << 32  # the counter has 32 bits
+TIME_ROUNDING = 1e-9  # of a period: a reading so little after a time is still in it
+# Status words by fault; any error sets the highest bit.
 _STATUS = {"throttled": 0, "overrange": 0x80010000, "saturated": 0x80000002, "raw": 0x80000001}
 
 
 class VirtualBox:
-    """Answers requests and sends readings; `instants` gives its sampling times, `send` gets its readings.
+    """A box that answers requests; `instants` returns its sampling times, `send` takes the readings at them.
 
-    It has the face of `VirtualSensor`, so that a bench need not know which of them it has.
+    It has the methods of `VirtualSensor`, so that a bench need not know which of them it has.
     """
 
     noise_factor = 1.0
@@ -55,19 +58,19 @@ class VirtualBox:
         self._sequence = 0
 
     def restore(self) -> None:
-        """On the net, and without a fault."""
+        """Be on the net, and end every fault."""
         self.fault, self.corruption, self.sign, self.lump_time = None, 0.0, 1.0, 0.0
         self.delay.clear()
         self.plug_in()
 
     def refuse(self, letter: str) -> None:
-        """It has no commands to refuse."""
+        """Do nothing: the box has a few requests, and refuses none."""
 
     def poll(self, now: float) -> None:
-        """Requests; `now` [s] is the world's time."""
+        """Send the late readings that are due, and take a request, at the world's time [s]."""
         for data in self.delay.take(now):
             self._write(data)
-        with contextlib.suppress(OSError):  # nothing there, or a client that has gone
+        with contextlib.suppress(OSError):  # no datagram, or a client that has gone
             command, count = parse_request(self._line.receive()) or (None, 0)
             if command == STREAM:
                 self._streaming, self._next = True, now
@@ -77,20 +80,20 @@ class VirtualBox:
                 self.period = count / 1e3
 
     def instants(self, until: float) -> Floats:
-        """Return the times [s] up to `until` at which it reads, since the last call."""
+        """Return the sampling times (n,) [s] up to `until`, since the last call."""
         if not self._streaming:
             return np.zeros(0)
-        count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
+        count = max(math.floor((until - self._next) / self.period + TIME_ROUNDING) + 1, 0)
         instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
         self._next += self.period * count
         return instants
 
     def send(self, instants: Floats, wrench: Floats) -> None:
-        """Send the readings (n, 6) taken at instants (n,)."""
+        """Send the readings (n, 6) [N, N*m] taken at instants (n,) [s], in counts."""
         status = _STATUS.get(self.fault or "", 0)
         rows = np.rint(self.sign * wrench * self._scale).astype(int).tolist()
         for instant, counts in zip(instants.tolist(), rows, strict=True):
-            self._sequence = (self._sequence + 1) % (1 << 32)
+            self._sequence = (self._sequence + 1) % SEQUENCE_NUMBERS
             if self.fault == "silent" or not self._streaming:
                 continue
             if self.corruption and self._rng.random() < self.corruption:
@@ -103,6 +106,7 @@ class VirtualBox:
                 self._write(data)
 
     def _write(self, data: bytes) -> None:
+        """Send a datagram, if anybody listens."""
         with contextlib.suppress(OSError):
             self._line.send(data)
             self.sent += 1

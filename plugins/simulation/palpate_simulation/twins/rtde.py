@@ -6,6 +6,9 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+CONTROL_RATE = 500.0  # [Hz] of an e-series controller
+_HEADER = struct.Struct(">HB")  # size of the whole packet, and its type, a letter
+# Formats of `struct` by the type names of RTDE.
 _CODES = {"DOUBLE": "d", "UINT64": "Q", "UINT32": "I", "INT32": "i", "UINT8": "B", "BOOL": "?"}
 _CODES |= {"VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I"}
 
@@ -93,22 +96,22 @@ INPUTS: dict[str, str] = {
 }
 
 
-def packet(kind: str, payload: bytes = b"") -> bytes:
-    """Return a packet of a type, which is a letter."""
-    return struct.pack(">HB", 3 + len(payload), ord(kind)) + payload
+def packet(letter: str, payload: bytes = b"") -> bytes:
+    """Return a packet: its size in two bytes, its type, a letter, in one, and the payload."""
+    return _HEADER.pack(_HEADER.size + len(payload), ord(letter)) + payload
 
 
 def packets(buffer: bytearray) -> Iterator[tuple[str, bytes]]:
-    """Take the whole packets out of a buffer; raises ValueError where the size is impossible."""
-    while len(buffer) >= 3:
-        size, kind = struct.unpack_from(">HB", buffer)
-        if size < 3:
+    """Remove whole packets from a buffer, and yield type and payload of each; raises ValueError for a wrong size."""
+    while len(buffer) >= _HEADER.size:
+        size, type_code = _HEADER.unpack_from(buffer)
+        if size < _HEADER.size:
             raise ValueError("a packet shorter than its header")
         if len(buffer) < size:
             return
-        payload = bytes(buffer[3:size])
+        payload = bytes(buffer[_HEADER.size : size])
         del buffer[:size]
-        yield chr(kind), payload
+        yield chr(type_code), payload
 
 
 def names_in(payload: bytes) -> list[str]:
@@ -117,15 +120,15 @@ def names_in(payload: bytes) -> list[str]:
 
 
 def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
-    """How the values of a recipe lie in a data packet; unknown names take no room."""
+    """Return the layout of a recipe's values in a data packet, one after the other; unknown names take no room."""
     return struct.Struct(">" + "".join(_CODES[types[name]] for name in names if name in types))
 
 
 class ClientSession:
-    """One client's connection: recipes, and whether it requested data.
+    """Connection of one client: the recipes of its inputs and outputs, and whether it has requested data.
 
-    `claim` returns whether an input is this session's to write; `write` takes the inputs of a data packet. An output
-    that is `unknown` is not found; START is refused unless `starts`.
+    `claim` returns True if this session may write an input; `write` takes the inputs of a data packet. An output that
+    is `unknown` is not found; START is refused unless `starts`.
     """
 
     def __init__(
@@ -139,70 +142,80 @@ class ClientSession:
         self._version = version
         self._claim = claim
         self._write = write
-        self._outputs_known = {name: kind for name, kind in OUTPUTS.items() if name != unknown}
+        self._output_types = {name: OUTPUTS[name] for name in OUTPUTS if name != unknown}
         self._starts = starts
         self._inputs: dict[int, tuple[list[str], struct.Struct]] = {}
         self._outputs: list[str] = []
-        self._struct = struct.Struct(">")
-        self._every = 1
+        self._output_layout = struct.Struct(">")
+        self._ticks_per_packet = 1
         self._ticks = 0
         self.started = False
 
     @property
     def commands(self) -> bool:
-        """True if it has inputs to write."""
+        """True if the client has inputs to write."""
         return bool(self._inputs)
 
-    def answer(self, kind: str, payload: bytes) -> bytes:
-        """Return the controller's answer to a packet."""
-        if kind == "V":
+    def answer(self, letter: str, payload: bytes) -> bytes:
+        """Return the controller's answer to a packet; none to a data packet.
+
+        V: is this version of RTDE supported; v: version of the controller; O, I: recipes of outputs and inputs;
+        S, P: start and pause of the data; U: data, the number of a recipe and its inputs.
+        """
+        if letter == "V":
             return packet("V", bytes([payload == b"\0\2"]))
-        if kind == "v":
+        if letter == "v":
             return packet("v", struct.pack(">4I", *self._version))
-        if kind == "O":
+        if letter == "O":
             return self._set_outputs(payload)
-        if kind == "I":
+        if letter == "I":
             return self._set_inputs(payload)
-        if kind in "SP":
-            self.started = kind == "S" and bool(self._outputs) and self._starts
-            return packet(kind, bytes([self.started or kind == "P"]))
-        if kind == "U" and payload and payload[0] in self._inputs:
-            names, form = self._inputs[payload[0]]
-            if len(payload) - 1 >= form.size:
-                self._write(dict(zip(names, form.unpack_from(payload, 1), strict=False)))
+        if letter in "SP":
+            self.started = letter == "S" and bool(self._outputs) and self._starts
+            return packet(letter, bytes([self.started or letter == "P"]))
+        if letter == "U" and payload and payload[0] in self._inputs:
+            names, input_layout = self._inputs[payload[0]]
+            if len(payload) - 1 >= input_layout.size:
+                self._write(dict(zip(names, input_layout.unpack_from(payload, 1), strict=False)))
         return b""
 
     def _set_outputs(self, payload: bytes) -> bytes:
-        (frequency,) = struct.unpack_from(">d", payload)
+        """Set the recipe of the outputs: their rate [Hz], a double, and their names. Answer with 1 or 0, and types."""
+        (rate,) = struct.unpack_from(">d", payload)
         names = names_in(payload[8:])
-        self._every = max(int(500.0 / frequency), 1) if frequency > 0 else 1
-        self._outputs = [name for name in names if name in self._outputs_known]
-        self._struct = layout(self._outputs, self._outputs_known)
-        types = ",".join(self._outputs_known.get(name, "NOT_FOUND") for name in names)
-        return packet("O", bytes([1 if len(self._outputs) == len(names) else 0]) + types.encode())
+        self._ticks_per_packet = max(int(CONTROL_RATE / rate), 1) if rate > 0 else 1
+        self._outputs = [name for name in names if name in self._output_types]
+        self._output_layout = layout(self._outputs, self._output_types)
+        types = ",".join(self._output_types.get(name, "NOT_FOUND") for name in names)
+        return packet("O", bytes([len(self._outputs) == len(names)]) + types.encode())
 
     def _set_inputs(self, payload: bytes) -> bytes:
+        """Set a recipe of inputs by their names. Answer with its number, 0 where one is not free, and their types."""
         names = names_in(payload)
-        types = [INPUTS.get(name, "NOT_FOUND") for name in names]
-        types = ["IN_USE" if kind != "NOT_FOUND" and not self._claim(self, name) else kind for name, kind in
-                 zip(names, types, strict=True)]  # fmt: skip
-        good = not {"IN_USE", "NOT_FOUND"} & set(types)
-        identity = len(self._inputs) + 1 if good else 0
-        if good:
-            self._inputs[identity] = names, layout(names, INPUTS)
-        return packet("I", bytes([identity]) + ",".join(types).encode())
+        types = [self._claimed_type(name) for name in names]
+        is_accepted = not {"IN_USE", "NOT_FOUND"} & set(types)
+        recipe = len(self._inputs) + 1 if is_accepted else 0
+        if is_accepted:
+            self._inputs[recipe] = names, layout(names, INPUTS)
+        return packet("I", bytes([recipe]) + ",".join(types).encode())
+
+    def _claimed_type(self, name: str) -> str:
+        """Claim an input, and return its type, or the reason for which it cannot be had."""
+        if name not in INPUTS:
+            return "NOT_FOUND"
+        return INPUTS[name] if self._claim(self, name) else "IN_USE"
 
     def data(self, state: Mapping[str, Any], missing: int = 0) -> bytes:
-        """This tick's data packet, `missing` so many bytes; empty where the session does not want one now."""
+        """Return this tick's data packet, which lacks its last `missing` bytes; empty in ticks without one."""
         self._ticks += 1
-        if not self.started or self._ticks % self._every:
+        if not self.started or self._ticks % self._ticks_per_packet:
             return b""
-        values: list[Any] = []
+        numbers: list[Any] = []
         for name in self._outputs:
-            value = state[name]
-            if isinstance(value, (int, float)):
-                values.append(value)
+            output = state[name]
+            if isinstance(output, (int, float)):
+                numbers.append(output)
             else:
-                values.extend(value)
-        payload = b"\1" + self._struct.pack(*values)
+                numbers.extend(output)
+        payload = b"\1" + self._output_layout.pack(*numbers)
         return packet("U", payload[: max(len(payload) - missing, 1)])

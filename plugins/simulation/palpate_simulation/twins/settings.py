@@ -1,4 +1,4 @@
-"""Settings of a bench of twins: where it listens, what it presses on, and how well it measures."""
+"""Settings of a bench of twins: its addresses, its specimen, and the noise of its measurements."""
 
 from __future__ import annotations
 
@@ -102,7 +102,8 @@ class BenchSettings(Twin):
         return getattr(device, "host", None) == self.host
 
     @model_validator(mode="after")
-    def _no_memory(self) -> Self:
+    def _refuse_memory(self) -> Self:
+        """Return the settings; raises ValueError for a specimen whose model has a memory."""
         if self.specimen.model.memory:
             raise ValueError("a specimen with memory (a model with internal states) is for the sim device only")
         return self

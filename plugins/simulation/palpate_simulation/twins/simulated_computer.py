@@ -16,16 +16,18 @@ from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboar
 from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 
 from palpate_simulation.twins.controller import Controller
-from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates
+from palpate_simulation.twins.datagram_lines import SocketDatagrams
+from palpate_simulation.twins.direct_client import DirectCommands, DirectReadBack, DirectStates
+from palpate_simulation.twins.direct_ports import DirectPorts
 from palpate_simulation.twins.ports import RobotPorts
-from palpate_simulation.twins.sensor_lines import SocketDatagrams, SocketLine
+from palpate_simulation.twins.sensor_lines import SocketLine
 from palpate_simulation.twins.settings import BenchSettings
 from palpate_simulation.twins.twin_driver import TwinDriver
 from palpate_simulation.twins.world import World
 
 
 class SimulatedWiring:
-    """Calls and pairs of sockets (a Wiring): whatever address a device has, the twin is what it reaches."""
+    """Calls and pairs of sockets (a Wiring): whatever address a device has, it reaches the twin."""
 
     def __init__(self) -> None:
         self.robot: DirectPorts | None = None
@@ -33,17 +35,17 @@ class SimulatedWiring:
         self.net: SocketDatagrams | None = None
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
-        """Return the controller's."""
+        """Return the ports of a controller."""
         self.robot = DirectPorts(controller)
         return self.robot
 
     def serial(self, path: Path) -> SocketLine:
-        """Return a serial sensor's."""
+        """Return the line of a serial sensor."""
         self.line = SocketLine()
         return self.line
 
     def datagrams(self, address: str) -> SocketDatagrams:
-        """Return a sensor's on the net."""
+        """Return the line of a sensor on the net."""
         self.net = SocketDatagrams()
         return self.net
 
@@ -56,30 +58,30 @@ class SimulatedHost(SimulatedComputer):
         self._wiring = wiring
 
     def end_of(self, role: str) -> Callable[[], None] | None:
-        """What a robot's process has not sent is lost."""
+        """Return what ends with a process: the inputs that a robot's process has not sent are lost."""
         return self._ports().drop_unsent if role == "robot" else None
 
     def serial_port(self, path: str, baud: int) -> Any:
-        """Return the twin's."""
+        """Return the twin's serial port; raises DeviceError."""
         if self._wiring.line is None:
             raise DeviceError(f"{path} cannot be opened: the twin has no serial sensor")
         return self._wiring.line.opened(path, baud)
 
     def datagrams(self, address: str, port: int) -> socket.socket:
-        """Return the twin's."""
+        """Return a socket to the twin's box; raises OSError."""
         if self._wiring.net is None:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
         return self._wiring.net.opened()
 
     def arm_driver(self, make: Callable[..., Any], settings: Mapping[str, Any], model: Any, tool: Any) -> Any:
-        """That of its maker, where the twin speaks the maker's protocol; else the twin's own."""
+        """Return the maker's driver, made by `make`, if the twin speaks the maker's protocol; else the twin's own."""
         ports = self._ports()
         if ports.controller.arm.own_lag is None:
             return make(settings, model, tool)
         return TwinDriver(ports, settings, model, tool)
 
     def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
-        """By the twin's dashboard."""
+        """Return the facts of the twin's dashboard; raises DeviceError for a port that is shut or silent."""
         ports = self._ports()
         for number, name in ((RTDE, "RTDE"), (DASHBOARD, "dashboard"), (SCRIPT, "script")):
             if number in ports.shut_ports or not ports.is_open:
@@ -89,25 +91,26 @@ class SimulatedHost(SimulatedComputer):
         return dashboard_facts(ports.controller.dashboard)
 
     def robot_states(self, address: str, variables: Sequence[str]) -> DirectStates:
-        """Return the twin's."""
+        """Return the states of the twin."""
         return DirectStates(self._ports(), variables)
 
     def robot_commands(self, address: str) -> DirectCommands:
-        """Return the twin's."""
+        """Return the commands of the twin."""
         return DirectCommands(self._ports())
 
     def read_back(self, address: str, connect: Callable[[str], Any]) -> DirectReadBack:
-        """Return the twin's."""
+        """Return the read-back of the twin."""
         return DirectReadBack(self._ports())
 
     def _ports(self) -> DirectPorts:
-        assert self._wiring.robot is not None  # a world has one
+        """Return the ports of the world's controller."""
+        assert self._wiring.robot is not None  # a world has a controller
         return self._wiring.robot
 
 
 @contextmanager
 def simulated(settings: BenchSettings, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[World]:
-    """Twins that the devices of this process reach in simulated time, within the context."""
+    """Yield twins that the devices of this process reach in simulated time, within the context."""
     clock, wiring = SimulatedClock(hold_ups), SimulatedWiring()
     with clock.running(), use_host(SimulatedHost(clock, wiring)):
         world = World(settings, seed, wiring)

@@ -15,41 +15,53 @@ from palpate_simulation.twins.controller import GREETING, VERSION, Controller
 from palpate_simulation.twins.delay_line import DelayLine
 from palpate_simulation.twins.rtde import ClientSession, packet, packets
 
-_NO_LINGER = struct.pack("ii", 1, 0)
-_STAMPED = getattr(socket, "SO_TIMESTAMPNS", 35)  # Linux
-_STAMP = struct.Struct("qq")
+_NO_LINGER = struct.pack("ii", 1, 0)  # on, for 0 s: closing resets the connection
+_TIMESTAMP = getattr(socket, "SO_TIMESTAMPNS", 35)  # the number on Linux, which Python 3.11 has no name for
+_TIMESPEC = struct.Struct("qq")  # seconds and nanoseconds
+_NS_PER_SECOND = 10**9
+_MAX_READ = 65536  # bytes at once (a choice)
+# Text message of RTDE (M): each text with its length before it, then its level, 3 for information.
+_SOURCE, _INFO_LEVEL = b"twin", bytes([3])
+_END_OF_PROGRAM = b"\nend\n"
 
 
 class Client:
-    """One connection."""
+    """Connection of one client to one port."""
 
     def __init__(self, connection: socket.socket, port: int, controller: Controller) -> None:
         connection.setblocking(False)
         with contextlib.suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
+            connection.setsockopt(socket.SOL_SOCKET, _TIMESTAMP, 1)
         self.socket, self.port = connection, port
         self.received = bytearray()
-        self.held: bytearray | None = None  # what the network holds back, where it does
+        self.held: bytearray | None = None  # bytes that the network holds back, while it does
         self.over = False  # the peer has closed its end
-        self.unsent = b""
-        self.skipped = 0
+        self.unsent = b""  # bytes that did not fit
+        self.skipped = 0  # packets that a peer did not read
         self.session = ClientSession(
             VERSION, controller.claim, controller.write, controller.unknown_output, not controller.refuses_start
         )
 
     def read(self) -> tuple[bytes, float]:
-        """What has come, nothing where the peer has gone, and the monotonic time [s] at which the last of it came."""
-        data, notes, _, _ = self.socket.recvmsg(65536, socket.CMSG_SPACE(_STAMP.size))
+        """Return the bytes that arrived, none from a peer that has gone, and the monotonic time [s] of their arrival.
+
+        The time is the kernel's, who was awake when the last of them arrived.
+        """
+        data, notes, _, _ = self.socket.recvmsg(_MAX_READ, socket.CMSG_SPACE(_TIMESPEC.size))
         now = clock().epoch_ns()
-        for _, kind, note in notes:
-            if kind == _STAMPED:  # by the kernel, who was awake when it came
-                seconds, rest = _STAMP.unpack(note[: _STAMP.size])
-                return data, clock().now() - max(now - seconds * 10**9 - rest, 0) / 1e9
+        for _, note_type, note in notes:
+            if note_type == _TIMESTAMP:
+                seconds, nanoseconds = _TIMESPEC.unpack(note[: _TIMESPEC.size])
+                age = max(now - seconds * _NS_PER_SECOND - nanoseconds, 0)  # [ns]
+                return data, clock().now() - age / 1e9
         return data, clock().now()
 
     def send(self, data: bytes) -> bool:
-        """Send, or keep what did not fit; a peer that does not read is skipped, not queued. False where it has gone."""
+        """Send, and keep the rest that did not fit; return False if the peer has gone.
+
+        Nothing is queued for a peer that does not read: packets are skipped until the rest is sent.
+        """
         if self.unsent and data:
             self.skipped += 1
             data = b""
@@ -73,14 +85,14 @@ class ListeningPorts:
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
-        self.missing = 0
+        self.missing = 0  # bytes that the states lack at their end
         self.late: DelayLine[dict[str, Any]] = DelayLine()
         self._held_until = 0.0  # monotonic time [s]
         self.began = clock().now()  # the controller's zero of time, as a monotonic time [s]
         self.open()
 
     def open(self) -> None:
-        """Listen, on those ports that are free."""
+        """Listen on the ports on which it does not yet; raises DeviceError for one that is in use."""
         for port in {RTDE, SCRIPT, DASHBOARD} - set(self._listening.values()):
             listener = socket.socket()
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -105,20 +117,21 @@ class ListeningPorts:
 
     def shut(self, port: int) -> None:
         """Stop listening on one port."""
-        for listener in [listener for listener, number in self._listening.items() if number == port]:
-            listener.close()
-            del self._listening[listener]
+        for listener, number in list(self._listening.items()):
+            if number == port:
+                listener.close()
+                del self._listening[listener]
 
     def say(self, text: str) -> None:
         """Send a text message to all clients that take data, as the controller does when a user's program asks."""
         data = text.encode()
-        message = packet("M", bytes([len(data)]) + data + bytes([4]) + b"twin" + bytes([3]))
+        message = packet("M", bytes([len(data)]) + data + bytes([len(_SOURCE)]) + _SOURCE + _INFO_LEVEL)
         for client in self.clients:
             if client.session.started:
                 client.send(message)
 
     def disconnect(self, reset: bool = False) -> None:
-        """End every connection; new ones are welcome."""
+        """End every connection, politely or by a reset; new ones are welcome."""
         for client in self.clients:
             if reset:
                 client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
@@ -127,22 +140,24 @@ class ListeningPorts:
         self.clients = []
 
     def hold_back(self, duration: float) -> None:
-        """Hold back what comes on connections that command, for a time [s]; then all of it lands at once.
+        """Hold back the data of connections that command for a time [s]; then all of it arrives at once.
 
-        As after a reroute: what has not arrived lies in the sender's queue. A sender who resets the connection throws
-        his queue away; one who closes it politely, or lives on, delivers it.
+        As after a reroute: data that have not arrived are in the sender's queue. A sender that resets the connection
+        loses its queue; one that closes it politely, or lives on, delivers it.
         """
         self._held_until = clock().now() + duration
         for client in self.clients:
             if client.session.commands:
                 client.held = bytearray()
 
-    def _land(self) -> None:
-        """What was held back arrives."""
-        for client in [client for client in self.clients if client.held is not None]:
-            data, client.held = bytes(client.held or b""), None
-            sound = not data or self._take(client, data, clock().now())
-            if client.over or not sound:
+    def _deliver_held(self) -> None:
+        """Let the data that were held back arrive."""
+        for client in list(self.clients):
+            if client.held is None:
+                continue
+            data, client.held = bytes(client.held), None
+            is_open = not data or self._take(client, data, clock().now())
+            if client.over or not is_open:
                 self._drop(client)
 
     def restore(self) -> None:
@@ -155,53 +170,61 @@ class ListeningPorts:
 
     @property
     def sockets(self) -> list[socket.socket]:
-        """What to wait for."""
-        deaf = self.control_mute
-        heard = (client for client in self.clients if not (client.over or (deaf and client.session.commands)))
-        return [*self._listening, *(client.socket for client in heard)]
+        """Sockets to wait for: those that listen, and those of clients whose data are read."""
+        sockets = list(self._listening)
+        for client in self.clients:
+            if not client.over and not (self.control_mute and client.session.commands):
+                sockets.append(client.socket)
+        return sockets
 
     def _is_mute(self, client: Client) -> bool:
-        """Not spoken to: a connection that commands, where those are mute or held back."""
+        """Return True for a connection that commands, where those are mute or held back."""
         return client.held is not None or (self.control_mute and client.session.commands)
 
     def serve(self, ready: list[socket.socket]) -> None:
-        """Take what has come."""
+        """Accept connections, and read and answer data, of the sockets that are ready."""
         if clock().now() >= self._held_until:
-            self._land()
+            self._deliver_held()
         for listener, port in self._listening.items():
             if listener in ready:
-                with contextlib.suppress(OSError):
-                    client = Client(listener.accept()[0], port, self._controller)
-                    self.clients.append(client)
-                    if port == DASHBOARD and not self.greets_not:
-                        client.send(GREETING.encode() + b"\n")
-        for client in [client for client in self.clients if client.socket in ready]:
-            if not self._read(client):
+                with contextlib.suppress(OSError):  # a client that has gone
+                    self._accept(listener, port)
+        for client in list(self.clients):
+            if client.socket in ready and not self._read(client):
                 self._drop(client)
 
+    def _accept(self, listener: socket.socket, port: int) -> None:
+        """Accept a connection; the dashboard speaks first."""
+        client = Client(listener.accept()[0], port, self._controller)
+        self.clients.append(client)
+        if port == DASHBOARD and not self.greets_not:
+            client.send(GREETING.encode() + b"\n")
+
     def broadcast(self) -> None:
-        """Send this tick's state to all clients that want it."""
+        """Send the newest state that is due to all clients that have requested data."""
         now = clock().now()
         self.late.put(dict(self._controller.state()), now)
         states = self.late.take(now)
-        wanting = [client for client in self.clients if client.session.started and not self._is_mute(client)]
-        if not wanting or self.frozen or not states:
+        clients = [client for client in self.clients if client.session.started and not self._is_mute(client)]
+        if not clients or self.frozen or not states:
             return
         state = states[-1]
-        for client in wanting:
+        for client in clients:
             data = client.session.data(state, self.missing)
             if not client.send(data[: len(data) // 2] if self.halved else data):
                 self._drop(client)
         self.frozen = self.frozen or self.halved
 
     def _drop(self, client: Client) -> None:
+        """Close a connection."""
         self._controller.release(client.session)
         client.socket.close()
         self.clients.remove(client)
 
     def _read(self, client: Client) -> bool:
+        """Read and answer the data of a client, or hold them back; return False where the connection is over."""
         try:
-            data, came = client.read()
+            data, arrival = client.read()
         except BlockingIOError:
             return True
         except OSError:
@@ -210,28 +233,37 @@ class ListeningPorts:
             client.held += data
             client.over = not data
             return True
-        return self._take(client, data, came)
+        return self._take(client, data, arrival)
 
-    def _take(self, client: Client, data: bytes, came: float) -> bool:
-        """Answer what has come at a monotonic time [s]; False where the connection is over."""
+    def _take(self, client: Client, data: bytes, arrival: float) -> bool:
+        """Answer data that arrived at a monotonic time [s]; return False where the connection is over."""
         client.received += data
         if self.mute or (self.greets_not and client.port == DASHBOARD):
             return bool(data)
         if client.port == RTDE:
             try:
-                for kind, payload in packets(client.received):
-                    client.send(client.session.answer(kind, payload))
-                self._controller.date(came - self.began)
+                self._take_packets(client, arrival)
             except (ValueError, struct.error) as error:
                 print(f"RTDE: {error}", file=sys.stderr)
                 return False
         elif client.port == DASHBOARD:
-            *lines, rest = bytes(client.received).split(b"\n")
-            client.received[:] = rest
-            for line in lines:
-                client.send(self._controller.dashboard(line.decode(errors="replace").strip()).encode() + b"\n")
-        elif b"\nend\n" in client.received:
-            text, _, rest = bytes(client.received).partition(b"\nend\n")
-            client.received[:] = rest
-            self._controller.upload(text.decode(errors="replace"))
+            self._take_lines(client)
+        elif _END_OF_PROGRAM in client.received:
+            script, _, remainder = bytes(client.received).partition(_END_OF_PROGRAM)
+            client.received[:] = remainder
+            self._controller.upload(script.decode(errors="replace"))
         return bool(data)
+
+    def _take_packets(self, client: Client, arrival: float) -> None:
+        """Answer the whole packets of RTDE, and date their inputs; raises ValueError, struct.error for wrong ones."""
+        for letter, payload in packets(client.received):
+            client.send(client.session.answer(letter, payload))
+        self._controller.date(arrival - self.began)
+
+    def _take_lines(self, client: Client) -> None:
+        """Answer the whole lines of the dashboard's client."""
+        *lines, remainder = bytes(client.received).split(b"\n")
+        client.received[:] = remainder
+        for line in lines:
+            answer = self._controller.dashboard(line.decode(errors="replace").strip())
+            client.send(answer.encode() + b"\n")

@@ -1,4 +1,4 @@
-"""Other starts and other specimens for a twin that runs."""
+"""Changes of start and specimen for a twin that runs."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ if TYPE_CHECKING:
 
 
 def restart_at(settings: BenchSettings, numbers: list[float]) -> BenchSettings:
-    """Return the tip elsewhere at the start: place [mm] and rotation vector of the tool [deg]; raises ValueError."""
+    """Return settings with the tip elsewhere at the start: position [mm] and rotation vector of the tool [deg].
+
+    Raises ValueError unless these are six numbers.
+    """
     if len(numbers) != 6:
         raise ValueError
-    place, turn = (np.array(numbers[:3]) / 1e3).tolist(), np.radians(numbers[3:]).tolist()
-    changes = {"place": tuple(place[:2]), "height": place[2], "tool_rotation": tuple(turn)}
-    return settings.model_copy(update=changes)
+    x, y, z = (np.array(numbers[:3]) / 1e3).tolist()
+    rotation = np.radians(numbers[3:]).tolist()
+    return settings.model_copy(update={"place": (x, y), "height": z, "tool_rotation": tuple(rotation)})
 
 
 def soften_specimen(settings: BenchSettings, elasticity: float) -> BenchSettings:
-    """Return a specimen of another elasticity [Pa], and all else in proportion."""
+    """Return settings with another elasticity [Pa] of the specimen, and its other parameters in proportion."""
     specimen = settings.specimen
     factor = elasticity / specimen.parameters["elasticity"]
     parameters = {name: factor * value for name, value in specimen.parameters.items()}
