@@ -62,10 +62,7 @@ def rehearse(
             failure = error
         truth = bench.truth
     if result is not None:
-        terminal = console(DETAILS_WIDTH if details else WIDTH)
-        for view in result_views(pipeline, result, details):
-            print_view(terminal, view)
-        typer.echo(f"written to {result.folder}")
+        _print_result(pipeline, result, details)
     if pipeline.safety is not None:
         console().print(_limit_table(truth, pipeline.safety).view())
     for name, _ in script.pending:
@@ -74,6 +71,14 @@ def rehearse(
         raise failure
     assert result is not None
     result.demand_whole()
+
+
+def _print_result(pipeline: Pipeline, result: Result, details: bool) -> None:
+    """Print the tables of a result, and its folder."""
+    terminal = console(DETAILS_WIDTH if details else WIDTH)
+    for view in result_views(pipeline, result, details):
+        print_view(terminal, view)
+    typer.echo(f"written to {result.folder}")
 
 
 def _specimen_overrides(entries: Sequence[str]) -> Iterator[str]:
@@ -122,7 +127,7 @@ def _stand_in_overrides(pipeline: Pipeline) -> Iterator[str]:
         if settings is not None:
             yield f'twin.rehearsal.type="{part_name}"'
             yield f'twin.rehearsal.specimen.model="{next(iter(pipeline.models), "")}"'
-            yield from (f"twin.rehearsal.{key}={value}" for key, value in settings.items())
+            yield from (f"twin.rehearsal.{key}={text}" for key, text in settings.items())
             return
     names = ", ".join(pipeline.devices)
     raise ConfigurationError(f"{pipeline.path}: no twin stands in for {names}; a [twin.*] table says what does")

@@ -70,8 +70,11 @@ class SkinOnSurface:
         """Raise ConfigurationError where a motion at positions (n, 3) [m] goes where the skin is not known."""
         if unknown := self.surface.nearest(position).unknown:
             row = min(unknown)
-            axes = ", ".join(f"{axis} {1e3 * value:.1f}" for axis, value in zip("xyz", position[row], strict=True))
-            raise ConfigurationError(f"the trajectory goes where the specimen has no skin ({axes} mm): {unknown[row]}")
+            x, y, z = (1e3 * position[row]).tolist()  # [mm]
+            coordinates = f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+            raise ConfigurationError(
+                f"the trajectory goes where the specimen has no skin ({coordinates}): {unknown[row]}"
+            )
 
 
 @cache

@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, Check]]:
-    """Return every tip, and third-party contact models, before anything moves."""
+    """Return the check of every tip and third-party contact model, before anything moves."""
     return {"check": {"conformance": Check("palpate_testing.third_party_checks:check_parts")}}
 
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Return a part as one page."""
+    """Return the command that checks a part, and prints it as one page."""
     target = "palpate_testing.check_part_command:check_part"
     return {
         "check part": Command(target, "Check a part in simulation, for a page that its author can publish.", "extend")

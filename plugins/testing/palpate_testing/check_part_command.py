@@ -50,8 +50,8 @@ def check_part(
     device that has none is refused. A part that fails has no page.
     """
     registry = registries.load()
-    kind, part = _part_of(name, settings or [], registry)
-    text = page_of(kind, part, registry)
+    group, part = _build_part(name, settings or [], registry)
+    text = page_of(group, part, registry)
     if output is None:
         typer.echo(text, nl=False)
         return
@@ -62,38 +62,45 @@ def check_part(
     typer.echo(f"written to {output}")
 
 
-def _part_of(name: str, settings: list[str], registry: Registry) -> tuple[str, Part]:
-    """Return kind and part of a name with settings KEY=VALUE; raises ConfigurationError with what there is."""
-    kinds = {}
-    for kind in CHECKED_KINDS:
+def _build_part(name: str, settings: list[str], registry: Registry) -> tuple[str, Part]:
+    """Return group and part of a name, with settings KEY=VALUE; a model that needs a tip gets a sphere of 5 mm.
+
+    Raises ConfigurationError with a suggestion for a name without a part that can be checked.
+    """
+    group, full_name = _find_part(name, registry)
+    source = Source(f"[{group}.part]\ntype = {json.dumps(full_name)}\n", Path("palpate check part"))
+    tip = registry.find(group, full_name).model_fields.get("indenter")
+    if tip is not None and tip.is_required() and not any(text.startswith("indenter") for text in settings):
+        source.override(f"{group}.part.indenter={STANDARD_TIP}")
+    for text in settings:
+        source.override(f"{group}.part.{text}")
+    return group, build_parts(source, group, registry)["part"]
+
+
+def _find_part(name: str, registry: Registry) -> tuple[str, str]:
+    """Return the first group that has a part of a name, and its full name there; raises ConfigurationError."""
+    names = {}
+    for group in CHECKED_KINDS:
         try:
-            kinds[kind] = registry.named(kind, name)
+            names[group] = registry.named(group, name)
         except ConfigurationError:
             continue
-    if not kinds:
-        known = [key for kind in CHECKED_KINDS for key in registry.parts[kind]]
-        raise ConfigurationError(f"no part {name!r} that can be checked{suggest(name, known)}")
-    kind, full = next(iter(kinds.items()))
-    part = registry.find(kind, full)
-    source = Source(f"[{kind}.part]\ntype = {json.dumps(full)}\n", Path("palpate check part"))
-    tip = part.model_fields.get("indenter")
-    if tip is not None and tip.is_required() and not any(text.startswith("indenter") for text in settings):
-        source.override(f"{kind}.part.indenter={STANDARD_TIP}")
-    for text in settings:
-        source.override(f"{kind}.part.{text}")
-    return kind, build_parts(source, kind, registry)["part"]
+    if not names:
+        all_names = [key for group in CHECKED_KINDS for key in registry.parts[group]]
+        raise ConfigurationError(f"no part {name!r} that can be checked{suggest(name, all_names)}")
+    return next(iter(names.items()))
 
 
-def page_of(kind: str, part: Part, registry: Registry) -> str:
-    """Return the page of a part in Markdown; raises PluginError with the reason where a check finds it wrong."""
-    entry = next(entry for entry in registry.parts[kind].values() if entry.is_of(type(part)))
+def page_of(group: str, part: Part, registry: Registry) -> str:
+    """Return the page of a part of a group, such as "model", in Markdown; raises PluginError where its check fails."""
+    entry = next(entry for entry in registry.parts[group].values() if entry.is_of(type(part)))
     try:
-        measures = MEASURES[kind](part)
+        measures = MEASURES[group](part)
     except AssertionError as error:
-        raise PluginError(f"plugin {entry.plugin.name}: {kind} {entry.name!r}: {error}") from error
+        raise PluginError(f"plugin {entry.plugin.name}: {group} {entry.name!r}: {error}") from error
     tested_on = f"palpate {version('palpate')}, Python {platform.python_version()}, {platform.machine()}"
     lines = [
-        f"# {entry.qualified}: {kind} of {entry.plugin.name}",
+        f"# {entry.qualified}: {group} of {entry.plugin.name}",
         "",
         (inspect.getdoc(type(part)) or "").strip(),
         "",
@@ -101,13 +108,13 @@ def page_of(kind: str, part: Part, registry: Registry) -> str:
         "",
         "| setting | value (SI) |",
         "|---|---|",
-        *(f"| `{key}` | `{json.dumps(value)}` |" for key, value in plain_settings(part, registry).items()),
+        *(f"| `{key}` | `{json.dumps(setting)}` |" for key, setting in plain_settings(part, registry).items()),
         "",
         f"Passed `{measures.check}`: {measures.tried}",
         "",
         "| measured | value |",
         "|---|---|",
-        *(f"| {what} | {value} |" for what, value in (*measures.rows, *_discovery_row(entry, part))),
+        *(f"| {quantity} | {text} |" for quantity, text in (*measures.rows, *_discovery_row(entry, part))),
     ]
     return "\n".join(lines) + "\n"
 
@@ -115,6 +122,6 @@ def page_of(kind: str, part: Part, registry: Registry) -> str:
 def _discovery_row(entry: Entry, part: Part) -> Iterator[tuple[str, str]]:
     """Yield the slow libraries that the module of a third party's installed plugin imports, before every command."""
     if not entry.plugin.own and not entry.plugin.is_file:
-        places = slow_imports(type(part).__module__.partition(".")[0])
-        libraries = ", ".join(f"{library} ({place})" for library, place in places.items())
+        import_lines = slow_imports(type(part).__module__.partition(".")[0])
+        libraries = ", ".join(f"{library} ({line})" for library, line in import_lines.items())
         yield "slow libraries that every command imports with it", libraries or "none"

@@ -36,17 +36,22 @@ def check_discovery(module: str) -> None:
     names its parts as "module:Class", and types that are imported under TYPE_CHECKING, leave the libraries to the
     command that has the part. Raises AssertionError with the line at fault.
     """
-    places = slow_imports(module)
-    lines = ", ".join(f"{library} ({place})" if place else library for library, place in places.items())
+    import_lines = slow_imports(module)
+    libraries = ", ".join(f"{library} ({line})" if line else library for library, line in import_lines.items())
     remedy = 'name its parts as "module:Class", and import types under TYPE_CHECKING'
-    demand(not places, f"{module} imports {lines} where palpate looks for plugins, before every command: {remedy}")
+    complaint = f"{module} imports {libraries} where palpate looks for plugins, before every command: {remedy}"
+    demand(not import_lines, complaint)
 
 
 def slow_imports(module: str) -> Mapping[str, str]:
-    """Return the place in a module's package that imports each slow library with it; raises AssertionError."""
+    """Return the slow libraries that are imported with a module, and the line of its package that imports each.
+
+    A line is a text "file, line 3", or empty where no line of the package does. Raises AssertionError for a module that
+    cannot be imported.
+    """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-P", "-c", _PROGRAM, module, *SLOW_IMPORTS]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    last = done.stderr.strip().splitlines()[-1:]
-    demand(done.returncode == 0, f"{module} cannot be imported: {' '.join(last)}")
-    return {library: " ".join(place) for library, place in json.loads(done.stdout).items()}
+    process = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    last_line = process.stderr.strip().splitlines()[-1:]
+    demand(process.returncode == 0, f"{module} cannot be imported: {' '.join(last_line)}")
+    return {library: " ".join(lines) for library, lines in json.loads(process.stdout).items()}

@@ -11,9 +11,10 @@ from palpate import Floats
 from palpate_testing.failure_messages import demand, demand_close
 
 DEPTHS = np.geomspace(1e-6, 6e-3, 60)  # [m], a palpation's range
-ROUNDING = 1e-12  # of a value
-MAX_JUMP = 1e-3  # of the largest value, across a billionth of an interval of depths
-BISECTIONS = 30
+ROUNDING = 1e-12  # of a value (a choice: some thousand units of a double)
+SYMBOL_ROUNDING = 1e-9  # of the largest value: CasADi may order the operations otherwise (a choice)
+MAX_JUMP = 1e-3  # of the largest value, across a billionth of an interval of depths (a choice)
+BISECTIONS = 30  # 2^-30 is a billionth
 
 
 def values_of(function: Callable[[Any], Any], depths: Floats, name: str) -> Floats:
@@ -32,27 +33,33 @@ def values_of(function: Callable[[Any], Any], depths: Floats, name: str) -> Floa
 def demand_rising(values: Floats, depths: Floats, name: str) -> None:
     """Raise AssertionError where values (n,) fall over depths (n,) [m]."""
     falls = np.flatnonzero(np.diff(values) < -ROUNDING * np.abs(values[1:]))
-    where = depths[falls[0]] if len(falls) else 0.0
-    demand(not len(falls), f"{name} is not monotone: it falls beyond a depth of {where:.3g} m")
+    first = depths[falls[0]] if len(falls) else 0.0
+    demand(not len(falls), f"{name} is not monotone: it falls beyond a depth of {first:.3g} m")
 
 
 def demand_continuous(function: Callable[[Any], Any], depths: Floats, name: str) -> None:
     """Raise AssertionError where a function of the depth jumps.
 
-    Each interval is halved again and again to the side of the larger change; a change that is left is a jump.
+    Each interval between depths (n,) [m] is halved again and again, to the half with the larger change of the function.
+    A change that remains over a billionth of the interval is a jump.
     """
-    left, right = depths[:-1].copy(), depths[1:].copy()
-    at_left, at_right = (np.asarray(function(side), float) + 0.0 * side for side in (left, right))
-    scale = float(np.max(np.abs(at_right)))
+    low, high = depths[:-1].copy(), depths[1:].copy()
+    f_low, f_high = _array_values(function, low), _array_values(function, high)
+    scale = float(np.max(np.abs(f_high)))
     for _ in range(BISECTIONS):
-        middle = (left + right) / 2
-        at_middle = np.asarray(function(middle), float) + 0.0 * middle
-        is_left = np.abs(at_middle - at_left) >= np.abs(at_right - at_middle)
-        right, at_right = np.where(is_left, middle, right), np.where(is_left, at_middle, at_right)
-        left, at_left = np.where(is_left, left, middle), np.where(is_left, at_left, at_middle)
-    jump = np.abs(at_right - at_left)
+        middle = (low + high) / 2
+        f_middle = _array_values(function, middle)
+        is_lower_half = np.abs(f_middle - f_low) >= np.abs(f_high - f_middle)
+        high, f_high = np.where(is_lower_half, middle, high), np.where(is_lower_half, f_middle, f_high)
+        low, f_low = np.where(is_lower_half, low, middle), np.where(is_lower_half, f_low, f_middle)
+    jump = np.abs(f_high - f_low)
     worst = int(np.argmax(jump))
-    demand(jump[worst] <= MAX_JUMP * scale, f"{name} jumps by {jump[worst]:.3g} at a depth of {left[worst]:.3g} m")
+    demand(jump[worst] <= MAX_JUMP * scale, f"{name} jumps by {jump[worst]:.3g} at a depth of {low[worst]:.3g} m")
+
+
+def _array_values(function: Callable[[Any], Any], depths: Floats) -> Floats:
+    """Return the values (n,) at depths (n,) [m], also of a function that gives one number for all."""
+    return np.asarray(np.asarray(function(depths), float) + 0.0 * depths)
 
 
 def demand_same_everywhere(function: Callable[[Any], Any], depths: Floats, name: str) -> None:
@@ -60,10 +67,11 @@ def demand_same_everywhere(function: Callable[[Any], Any], depths: Floats, name:
     import casadi
 
     floats = np.array([float(function(float(depth))) for depth in depths])
-    demand_close(answer_on(function, depths, f"{name} on an array"), floats, 1e-12, f"{name} on an array")
+    demand_close(answer_on(function, depths, f"{name} on an array"), floats, ROUNDING, f"{name} on an array")
     symbol = casadi.SX.sym("d")
     compiled = casadi.Function("f", [symbol], [answer_on(function, symbol, f"{name} on a CasADi symbol")])
-    demand_close([float(compiled(float(d))) for d in depths], floats, 1e-9, f"{name} on a CasADi symbol")
+    symbolic = [float(compiled(float(depth))) for depth in depths]
+    demand_close(symbolic, floats, SYMBOL_ROUNDING, f"{name} on a CasADi symbol")
 
 
 def answer_on(function: Callable[[Any], Any], argument: Any, name: str) -> Any:

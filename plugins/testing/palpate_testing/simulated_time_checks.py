@@ -1,4 +1,4 @@
-"""A check of what devices do about time."""
+"""Check that devices use palpate's clock alone."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from palpate_kit.simulated_time.simulated_clock import SimulatedClock
 from palpate_testing.device_checks import batches_of
 from palpate_testing.failure_messages import demand
 
-# What takes or waits for the computer's time, and what the clock has instead.
-_INSTEAD = {
+# Calls that take or wait for the computer's time, and those of the clock in their place.
+CLOCK_CALLS = {
     "time.sleep": "clock().sleep",
     "time.monotonic": "clock().now",
     "time.monotonic_ns": "clock().now_ns",
@@ -35,7 +35,7 @@ _INSTEAD = {
 def check_simulated_time(
     device: Device, trajectory: Trajectory | None = None, seed: int = 0, listen: float = 2.0
 ) -> None:
-    """A live device uses `palpate.clock()` alone, so that it runs in simulated time as well.
+    """Check that a live device uses `palpate.clock()` alone, so that it runs in simulated time as well.
 
     It is connected and listened to for some simulated time [s], `listen`. The first call that takes or waits for the
     computer's own time, such as `time.sleep`, is named with its file and line, and is not made. For a device that
@@ -46,7 +46,7 @@ def check_simulated_time(
     complaints: list[str] = []
     failure: Exception | None = None
     batches = []
-    with SimulatedClock().running(), _watched(complaints):
+    with SimulatedClock().running(), _watch_calls(complaints):
         try:
             batches = batches_of(device, trajectory, seed, listen)
         except Exception as error:  # whatever third-party code raises, also for a call that was not made
@@ -59,33 +59,37 @@ def check_simulated_time(
 
 
 @contextmanager
-def _watched(complaints: list[str]) -> Iterator[None]:
-    """Complain about calls by the code of devices, in this thread and in those that start within the context."""
+def _watch_calls(complaints: list[str]) -> Iterator[None]:
+    """Complain about calls by the code of devices, in this thread and in those that start within the context.
 
-    def look(frame: FrameType, event: str, called: Any) -> None:
+    A call of `CLOCK_CALLS` is added to the complaints, and raises AssertionError before it is made.
+    """
+
+    def check_call(frame: FrameType, event: str, called: Any) -> None:
+        """Check an event of Python's profiler: a call of a C function, or of the Python function of a frame."""
         if event == "c_call":
             name, caller = ".".join(filter(None, (called.__module__, called.__qualname__))), frame
         elif event == "call" and frame.f_back is not None:
             name, caller = f"{frame.f_globals.get('__name__')}.{frame.f_code.co_qualname}", frame.f_back
         else:
             return
-        if name in _INSTEAD and not _is_exempt(caller):
+        if name in CLOCK_CALLS and not _is_exempt(caller):
             where = f"{caller.f_code.co_filename}:{caller.f_lineno}"
-            complaints.append(f"{where} calls {name}: palpate's {_INSTEAD[name]} runs in simulated time, too")
+            complaints.append(f"{where} calls {name}: palpate's {CLOCK_CALLS[name]} runs in simulated time, too")
             raise AssertionError(complaints[-1])
 
-    before, before_of_threads = sys.getprofile(), threading.getprofile()
-    sys.setprofile(look)
-    threading.setprofile(look)
+    earlier_profile, earlier_thread_profile = sys.getprofile(), threading.getprofile()
+    sys.setprofile(check_call)
+    threading.setprofile(check_call)
     try:
         yield
     finally:
-        sys.setprofile(before)
-        threading.setprofile(before_of_threads)
+        sys.setprofile(earlier_profile)
+        threading.setprofile(earlier_thread_profile)
 
 
 def _is_exempt(caller: FrameType) -> bool:
-    """Return True if code is the clock's own, or of the standard library, which may date what it logs."""
-    name = str(caller.f_globals.get("__name__"))
-    own = ("palpate.", "palpate_engine.", "palpate_kit.simulated_time.")
-    return name.startswith(own) or name.partition(".")[0] in sys.stdlib_module_names
+    """Return True if the caller is code of the clock, or of the standard library, which may date its logs."""
+    module = str(caller.f_globals.get("__name__"))
+    clock_modules = ("palpate.", "palpate_engine.", "palpate_kit.simulated_time.")
+    return module.startswith(clock_modules) or module.partition(".")[0] in sys.stdlib_module_names

@@ -14,8 +14,9 @@ from palpate_testing.tip_checks import check_indenter
 
 def check_parts(parts: Mapping[str, Mapping[str, Part]], registry: Registry) -> None:
     """Raise PluginError for a wrong tip, third-party model or default among parts by kind and name."""
-    check_defaults([part for named in parts.values() for part in named.values()], registry)
-    check_tips([part for kind in ("indenter", "model", "device") for part in parts.get(kind, {}).values()], registry)
+    check_defaults([part for parts_by_name in parts.values() for part in parts_by_name.values()], registry)
+    parts_with_tips = [part for group in ("indenter", "model", "device") for part in parts.get(group, {}).values()]
+    check_tips(parts_with_tips, registry)
     check_models([part for part in parts.get("model", {}).values() if isinstance(part, ContactModel)], registry)
 
 
@@ -39,12 +40,12 @@ def check_defaults(parts: Iterable[Part], registry: Registry) -> None:
 
 def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
     """Raise PluginError, which names plugin, part, method and depth, where a tip breaks its interface."""
-    seen: set[int] = set()
+    checked_ids: set[int] = set()
     for part in parts:
         for tip in _tips(part):
-            if id(tip) in seen:
+            if id(tip) in checked_ids:
                 continue
-            seen.add(id(tip))
+            checked_ids.add(id(tip))
             entry = next((e for e in registry.parts["indenter"].values() if e.part is type(tip)), None)
             try:
                 check_indenter(tip)
@@ -67,15 +68,15 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
             check_parameters(model, theta)
             check_force(model, theta)
         except Exception as error:  # whatever third-party code raises
-            what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
+            reason = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
             where = f"plugin {entry.plugin.name}: model {entry.name!r}"
-            raise PluginError(f"{where}: {what}") from error
+            raise PluginError(f"{where}: {reason}") from error
 
 
-def _tips(value: Any) -> Iterator[Indenter]:
-    """Yield the tips in a part's settings, itself included."""
-    if isinstance(value, Indenter):
-        yield value
-    if isinstance(value, Settings):
-        for name in type(value).model_fields:
-            yield from _tips(getattr(value, name))
+def _tips(setting: Any) -> Iterator[Indenter]:
+    """Yield the tips in a part's settings at any depth, itself included."""
+    if isinstance(setting, Indenter):
+        yield setting
+    if isinstance(setting, Settings):
+        for name in type(setting).model_fields:
+            yield from _tips(getattr(setting, name))

@@ -52,32 +52,32 @@ def _check_bias(errors: Errors, model: ContactModel, name: str) -> None:
     """Compare the values (n, k) of quiet records with the truth; a viscosity may be 0 within its uncertainty."""
     demand(np.isfinite(errors.values).all(), f"{name} has no number at the end of a record of {QUIET.duration:g} s")
     bias = errors.relative.mean(axis=0)
-    for place, parameter in enumerate(model.parameters):
-        if not _is_determined(errors, place):
+    for index, parameter in enumerate(model.parameters):
+        if not _is_determined(errors, index):
             continue
-        is_negative = errors.values[:, place] < -NEGATIVE * errors.std[:, place]
+        is_negative = errors.values[:, index] < -NEGATIVE * errors.std[:, index]
         demand(not is_negative.any(), f"{name}: {parameter.name} is below 0 by more than {NEGATIVE:g} of its std")
         allowed = MAX_ELASTIC_BIAS if parameter.role == "elastic" else MAX_OTHER_BIAS
         demand(
-            abs(bias[place]) <= allowed,
-            f"{name}: {parameter.name} is off by {bias[place]:+.1%} on records almost without noise, allowed "
+            abs(bias[index]) <= allowed,
+            f"{name}: {parameter.name} is off by {bias[index]:+.1%} on records almost without noise, allowed "
             f"{allowed:.0%}",
         )
 
 
-def _is_determined(errors: Errors, place: int) -> bool:
+def _is_determined(errors: Errors, index: int) -> bool:
     """Return True where the bound of a parameter is below `MAX_BOUND` of its value on every record."""
-    return bool((errors.bound[:, place] < MAX_BOUND * np.abs(errors.truth[:, place])).all())
+    return bool((errors.bound[:, index] < MAX_BOUND * np.abs(errors.truth[:, index])).all())
 
 
 def _check_uncertainty(errors: Errors, model: ContactModel, name: str) -> None:
     """Compare the stated standard deviations (n, k) with the Cramer-Rao bound and with the errors."""
-    for place, parameter in enumerate(model.parameters):
-        is_number = np.isfinite(errors.std[:, place]) & np.isfinite(errors.bound[:, place])
-        if not is_number.any() or not _is_determined(errors, place):
+    for index, parameter in enumerate(model.parameters):
+        is_number = np.isfinite(errors.std[:, index]) & np.isfinite(errors.bound[:, index])
+        if not is_number.any() or not _is_determined(errors, index):
             continue
-        ratio = float(np.median(errors.std[is_number, place] / errors.bound[is_number, place]))
-        error = float(np.sqrt(np.mean(errors.standardized[is_number, place] ** 2)))
+        ratio = float(np.median(errors.std[is_number, index] / errors.bound[is_number, index]))
+        error = float(np.sqrt(np.mean(errors.standardized[is_number, index] ** 2)))
         demand(
             ratio >= MIN_STD,
             f"{name}: the std of {parameter.name} is {ratio:.2g} of the Cramer-Rao bound, which nothing is below",
@@ -90,20 +90,22 @@ def _check_uncertainty(errors: Errors, model: ContactModel, name: str) -> None:
 
 
 def _check_inertia(estimator: Estimator, model: ContactModel, theta: Sequence[float], name: str) -> None:
-    """Compare a heavy tip of known mass with a light one, and with a heavy one that counts as light."""
+    """Check the sign of m z'' by a heavy tip: its inertia shifts parameters less if the mass is known than if not."""
 
-    def values(mass: float, stated_mass: float) -> Floats:
+    def last_values(mass: float, stated_mass: float) -> Floats:
+        """Return the last estimates (k,) under a tip of a mass [kg] that the estimator takes for another one."""
         samples = HEAVY.samples(model, theta, mass, seed=1)
-        last: Floats = estimator.start(Problem(model, stated_mass)).run(samples).values[-1]
-        return last
+        values: Floats = estimator.start(Problem(model, stated_mass)).run(samples).values[-1]
+        return values
 
-    light = values(TIP_MASS, TIP_MASS)
-    known, neglected = values(HEAVY_MASS, HEAVY_MASS) - light, values(HEAVY_MASS, TIP_MASS) - light
+    light_values = last_values(TIP_MASS, TIP_MASS)
+    shift_known = last_values(HEAVY_MASS, HEAVY_MASS) - light_values
+    shift_neglected = last_values(HEAVY_MASS, TIP_MASS) - light_values
     # The sign shows in the parameter that inertia moves most.
-    effect = np.abs(neglected / np.array(theta, float))
-    place = int(np.argmax(effect))
-    if not effect[place] >= MIN_INERTIA:
+    effect = np.abs(shift_neglected / np.array(theta, float))
+    index = int(np.argmax(effect))
+    if not effect[index] >= MIN_INERTIA:
         return
-    share = float(known[place] / neglected[place])
-    complaint = f"{share:.2g} of what neglecting it does to {model.parameters[place].name}; has m z'' the right sign?"
+    share = float(shift_known[index] / shift_neglected[index])
+    complaint = f"{share:.2g} of what neglecting it does to {model.parameters[index].name}; has m z'' the right sign?"
     demand(abs(share) <= MAX_INERTIA, f"{name}: with the tip's mass known, inertia makes {complaint}")

@@ -10,8 +10,9 @@ from palpate import ContactModel, Estimator, Floats, Problem, Samples, force_ove
 from palpate_kit.numerics.normal_equations import standard_errors
 
 FORCE_STD, VELOCITY_STD = 0.05, 0.67e-3  # [N], [m/s], as in the paper
-TIP_MASS = 0.14  # [kg]
-LOWEST, HIGHEST = 0.6, 1.6  # times the given parameter values, between which the truths lie
+TIP_MASS = 0.14  # [kg], as in the paper
+LOWEST, HIGHEST = 0.6, 1.6  # times the stated parameters, between which the truths lie (a choice)
+DIFFERENCE_STEP = 1e-5  # of a parameter, for one-sided differences (a choice)
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class PressMotion:
     noise: float = 1.0  # times that of the sensors
 
     def samples(self, model: ContactModel, theta: Sequence[float], mass: float, seed: int) -> Samples:
-        """Return samples of a material with parameters theta under a tip of a mass [kg]."""
-        random = np.random.default_rng(seed)
+        """Return samples of a material with parameters theta under a tip of a mass [kg], with noise by a seed."""
+        rng = np.random.default_rng(seed)
         count = round(self.duration * self.rate)
         stamp = np.rint(np.arange(count) * (1e9 / self.rate)).astype(np.int64)
         time = stamp / 1e9
@@ -37,22 +38,22 @@ class PressMotion:
         # u = F - m z'' with z'' = -d'': what the sensor feels of the contact force and of the tip's inertia.
         inertia = -mass * self.amplitude * omega**2 * np.sin(omega * time)
         force = force_over_time(model, time, depth, speed, theta) + inertia
-        always = np.ones(count, bool)
+        everywhere = np.ones(count, bool)
         return Samples(
             stamp,
             time,
             np.concatenate([[0.0], np.diff(stamp) / 1e9]),
-            force + self.noise * FORCE_STD * random.standard_normal(count),
+            force + self.noise * FORCE_STD * rng.standard_normal(count),
             -depth,
-            -speed + self.noise * VELOCITY_STD * random.standard_normal(count),
-            always,
-            always.copy(),
+            -speed + self.noise * VELOCITY_STD * rng.standard_normal(count),
+            everywhere,
+            everywhere.copy(),
         )
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What an estimator finds of records of known truth: each row is a record, each column a parameter."""
+    """Estimates of records of known truth: each row is a record, each column a parameter."""
 
     truth: Floats  # (n, k)
     values: Floats  # (n, k) at the end of each record; NaN where it says that it has none
@@ -74,9 +75,9 @@ class Errors:
 def estimate_records(
     estimator: Estimator, model: ContactModel, theta: Sequence[float], motion: PressMotion, records: int
 ) -> Errors:
-    """Return the errors on records of a motion, whose parameters lie around `theta` and are drawn one by one."""
-    random = np.random.default_rng(0)
-    factors = LOWEST * (HIGHEST / LOWEST) ** random.random((records, len(theta)))
+    """Return the errors on so many records of a motion; their parameters are drawn around `theta`, log-uniformly."""
+    rng = np.random.default_rng(0)
+    factors = LOWEST * (HIGHEST / LOWEST) ** rng.random((records, len(theta)))
     lower = [parameter.lower for parameter in model.parameters]
     upper = [parameter.upper for parameter in model.parameters]
     truth = np.clip(factors * np.array(theta, float), lower, upper)
@@ -93,16 +94,21 @@ def estimate_records(
 
 
 def _lower_bound(model: ContactModel, theta: Sequence[float], samples: Samples) -> Floats:
-    """Return the Cramer-Rao bound (k,) of the parameters where surface and motion are known, which nothing is below."""
+    """Return the Cramer-Rao bound (k,) of the parameters where surface and motion are known.
+
+    No unbiased estimator has a smaller standard deviation: FORCE_STD times those of least squares with the Jacobian of
+    the force, by differences.
+    """
     depth = -samples.position
     rate = np.gradient(depth, samples.time)
 
     def force(values: Sequence[float]) -> Floats:
+        """Return the force (n,) [N] at other parameters."""
         return force_over_time(model, samples.time, depth, rate, values)
 
     at_truth = force(theta)
     columns = []
-    for place, value in enumerate(theta):
-        step = 1e-5 * (abs(value) or 1.0)
-        columns.append((force([*theta[:place], value + step, *theta[place + 1 :]]) - at_truth) / step)
+    for index, number in enumerate(theta):
+        step = DIFFERENCE_STEP * (abs(number) or 1.0)
+        columns.append((force([*theta[:index], number + step, *theta[index + 1 :]]) - at_truth) / step)
     return FORCE_STD * standard_errors(np.column_stack(columns))

@@ -31,7 +31,7 @@ class SimulatedBench:
         self._world = world
 
     def fault(self, words: str) -> None:
-        """Make a fault, by its name and numbers; raises ConfigurationError."""
+        """Make the fault of a line, its name and numbers; raises ConfigurationError."""
         make_fault(self._world, words.split())
 
     @property
@@ -59,7 +59,7 @@ class VirtualBench(BenchSettings):
         sensors = sum("sensor" in table for table in tables)
         if arms > 1 or sensors > 1 or (arms == 0 and not sensors == len(devices) == 1):
             return None
-        settings = {key: value for table in tables for key, value in table.items()}
+        settings = {key: text for table in tables for key, text in table.items()}
         if arms == 0:  # the table of a sensor has no work frame
             settings |= WORK_OF_SENSOR
         return {**settings, "tip_mass": str(tip_mass)} if tip_mass else settings
@@ -81,6 +81,6 @@ class VirtualBench(BenchSettings):
             for number in (signal.SIGTERM, signal.SIGINT):
                 signal.signal(number, world.end)
             ready({"robot": self.host, "sensor": str(self.port)})
-            world.run(Console(lambda words: apply_fault(world, words), FAULTS))
+            world.run(Console(lambda line: apply_fault(world, line), FAULTS))
         finally:
             world.close()

@@ -39,12 +39,13 @@ class Console:
             return
         self.ended = self.ended or not data
         *lines, self._typed = (self._typed + data.decode(errors="replace")).split("\n")
-        for words in map(str.split, lines):
-            if words[:1] == ["help"]:
+        for line in map(str.split, lines):
+            command = line[0] if line else ""
+            if command == "help":
                 print("\n".join(f"{name}: {meaning}" for name, meaning in self._commands.items()), flush=True)
-            elif words:
-                print(self._answer(words), flush=True)
-            self.ended = self.ended or words[:1] == ["quit"]
+            elif command:
+                print(self._answer(line), flush=True)
+            self.ended = self.ended or command == "quit"
 
 
 def _has_speaker() -> bool:

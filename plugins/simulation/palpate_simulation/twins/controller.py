@@ -42,6 +42,7 @@ class Controller:
     """
 
     def __init__(self, arm: SimulatedArm, position_std: float, velocity_std: float, seed: int) -> None:
+        """Begin with the power on, without a program; noise of the reported height in [m] and [m/s]."""
         self.arm = arm
         self.motion = ReportedMotion(arm, position_std, velocity_std, seed)
         self.inputs: dict[str, Any] = {}
@@ -49,24 +50,23 @@ class Controller:
         self._unread: deque[tuple[float, dict[str, Any]]] = deque()  # inputs with their times of arrival [s]
         self._dated_until = 0.0  # [s]
         self.read = 0  # inputs that the latest tick read: more than one, and all but the last have had no effect
-        self._owners: dict[str, ClientSession] = {}
+        self._owners: dict[str, ClientSession] = {}  # of inputs, by name
         self._program: Program | None = None
-        self._runtime, self._safety = _STOPPED, _NORMAL
-        self._slider, self._scaling = 1.0, 1.0
-        self._robot_mode = _RUNNING
-        self._stopped_at = 0.0
-        self.now = 0.0
-        self.force = np.zeros(6)
-        self.complaints: list[str] = []
+        self._runtime, self._safety, self._robot_mode = _STOPPED, _NORMAL, _RUNNING
+        self._slider, self._scaling = 1.0, 1.0  # fractions of the speed: by the pendant, and by the controller
+        self._stopped_at = 0.0  # [s] of the last protective stop
+        self.now = 0.0  # [s] of its own time
+        self.force = np.zeros(6)  # [N], [N m] on the tip, as it estimates them
+        self.complaints: list[str] = []  # of programs that ended
         self.unknown_output = ""  # an output that this controller does not have
         self.refuses_start = False  # to send states
         self.remote = True  # in remote control
         self.deaf = False  # no program starts
-        self.uploads = 0
-        self.pendant_tcp = arm.tcp
+        self.uploads = 0  # programs that were sent to it
+        self.pendant_tcp = arm.tcp  # (4, 4) that `restore` sets again
         self.load: tuple[float, tuple[float, ...]] = 0.0, (0.0, 0.0, 0.0)  # [kg] at the flange, its centre [m]
         self._state: dict[str, Any] = {
-            name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
+            name: (0.0,) * _SIZES[type_name] if type_name in _SIZES else 0 for name, type_name in OUTPUTS.items()
         }
         self._state |= {"joint_mode": (_JOINT_RUNNING,) * 6}
         self._state |= {"actual_main_voltage": _MAIN_VOLTAGE, "actual_robot_voltage": _MAIN_VOLTAGE}

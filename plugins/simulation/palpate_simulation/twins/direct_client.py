@@ -16,7 +16,7 @@ from palpate import clock
 from palpate_simulation.twins.arm import TICK
 from palpate_simulation.twins.direct_ports import DirectPorts
 from palpate_simulation.twins.rtde import OUTPUTS, layout
-from palpate_simulation.twins.ur_commands import DONE, READY, Command
+from palpate_simulation.twins.ur_commands import DONE, READY, ScriptCommand
 
 _READ_BACK_BYTES = 17  # of a data packet: its recipe in one byte, then two doubles
 _PROGRAM = "def rtde_control():\n# int register offset 0\nend\n"
@@ -113,7 +113,7 @@ class DirectCommands:
     def __init__(self, ports: DirectPorts) -> None:
         self._ports, self._connection = ports, ports.connections
         # As the library: the register still has the command that ended the last program.
-        self._ports.write({_COMMAND_REGISTER: Command.NONE.value})
+        self._ports.write({_COMMAND_REGISTER: ScriptCommand.NONE.value})
         ports.controller.upload(_PROGRAM)
         deadline = clock().now() + _START_TIMEOUT
         while not self.isProgramRunning():
@@ -132,42 +132,42 @@ class DirectCommands:
 
     def getTCPOffset(self) -> list[float]:  # noqa: N802
         """Return the pose (6,) of the tip on the flange."""
-        self._carry_out(Command.GET_TCP_OFFSET)
+        self._carry_out(ScriptCommand.GET_TCP_OFFSET)
         state = self._ports.latest_control or {}
         return [float(state[f"output_double_register_{i}"]) for i in range(6)]
 
     def setTcp(self, tcp: Sequence[float]) -> bool:  # noqa: N802
         """Set the pose (6,) of the tip on the flange."""
-        return self._carry_out(Command.SET_TCP, *tcp)
+        return self._carry_out(ScriptCommand.SET_TCP, *tcp)
 
     def setPayload(self, mass: float, centre: Sequence[float]) -> bool:  # noqa: N802
         """Set mass [kg] and centre of mass (3,) [m] on the flange."""
-        return self._carry_out(Command.SET_PAYLOAD, mass, *centre)
+        return self._carry_out(ScriptCommand.SET_PAYLOAD, mass, *centre)
 
     def setWatchdog(self, frequency: float) -> bool:  # noqa: N802
         """Let the program end where commands come less often than at a frequency [Hz]."""
-        return self._carry_out(Command.SET_WATCHDOG, frequency)
+        return self._carry_out(ScriptCommand.SET_WATCHDOG, frequency)
 
     def kickWatchdog(self) -> bool:  # noqa: N802
         """Feed the watchdog by sending no command."""
-        return self._send(Command.NONE)
+        return self._send(ScriptCommand.NONE)
 
     def servoL(self, pose: Sequence[float], speed: float, acceleration: float, *servo: float) -> bool:  # noqa: N802
         """Go on to a pose (6,); `servo`: time [s], lookahead [s], gain. Raises ValueError where the library does."""
         for number, (low, high) in zip((speed, acceleration, *servo), SERVO_RANGES, strict=True):
             if not low <= number <= high:
                 raise ValueError(f"The value is not within [{low:g};{high:g}]")
-        return self._send(Command.SERVOL, *pose, speed, acceleration, *servo)
+        return self._send(ScriptCommand.SERVOL, *pose, speed, acceleration, *servo)
 
     def servoStop(self) -> bool:  # noqa: N802
         """Come to rest."""
-        return self._carry_out(Command.SERVO_STOP, _STOP_DECELERATION)
+        return self._carry_out(ScriptCommand.SERVO_STOP, _STOP_DECELERATION)
 
     def stopScript(self) -> None:  # noqa: N802
         """End the program."""
-        self._send(Command.STOP_SCRIPT)
+        self._send(ScriptCommand.STOP_SCRIPT)
 
-    def _send(self, command: Command, *parameters: float) -> bool:
+    def _send(self, command: ScriptCommand, *parameters: float) -> bool:
         """Write a command and its parameters to the registers; return False without a program."""
         if not (self.isConnected() and self.isProgramRunning()):
             return False
@@ -175,10 +175,10 @@ class DirectCommands:
         self._ports.write({_COMMAND_REGISTER: command.value, **registers})
         return True
 
-    def _carry_out(self, command: Command, *parameters: float) -> bool:
+    def _carry_out(self, command: ScriptCommand, *parameters: float) -> bool:
         """Carry out a command that is answered; return False without an answer."""
         is_done = self._wait_for(READY) and self._send(command, *parameters) and self._wait_for(DONE)
-        return is_done and self._send(Command.NONE)
+        return is_done and self._send(ScriptCommand.NONE)
 
     def _wait_for(self, status: int) -> bool:
         """Wait until the program reports a status; return False where it ends, or after 300 s."""

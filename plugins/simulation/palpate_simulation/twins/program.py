@@ -11,7 +11,7 @@ from palpate import Floats
 from palpate_kit.kinematics.rotations import matrix_of, pose_of
 
 from palpate_simulation.twins.arm import TICK, SimulatedArm
-from palpate_simulation.twins.ur_commands import DONE, READY, REALTIME_COMMANDS, Command
+from palpate_simulation.twins.ur_commands import DONE, READY, REALTIME_COMMANDS, ScriptCommand
 
 PARAMETERS = 14  # double registers of a command
 # Indexes of parameters after the six numbers of a pose, of joints or of a speed.
@@ -59,7 +59,7 @@ class Program:
         if command in REALTIME_COMMANDS:
             self._report_status(READY)
             return self._carry_out(command, inputs)
-        if command == Command.NONE:
+        if command == ScriptCommand.NONE:
             self._executing = False
             self._report_status(READY)
             return True
@@ -68,7 +68,7 @@ class Program:
     def _start(self, command: int, inputs: dict[str, Any]) -> bool:
         """Carry out a command once, until the register is 0 again; return False where the program ends."""
         self._executing = True
-        if command == Command.STOP_SCRIPT or not self._carry_out(command, inputs):
+        if command == ScriptCommand.STOP_SCRIPT or not self._carry_out(command, inputs):
             return False
         if self._is_busy is None:
             self._report_status(DONE)
@@ -83,31 +83,31 @@ class Program:
         p = [float(inputs.get(f"input_double_register_{self._offset + i}", 0.0)) for i in range(PARAMETERS)]
         arm, is_reached = self._arm, True
         match command:
-            case Command.SERVOJ:
+            case ScriptCommand.SERVOJ:
                 arm.servo(np.array(p[:6]), p[LOOKAHEAD], p[GAIN])
-            case Command.SERVOL:
+            case ScriptCommand.SERVOL:
                 is_reached = arm.servo_to_pose(p[:6], p[LOOKAHEAD], p[GAIN])
-            case Command.SPEEDJ:
+            case ScriptCommand.SPEEDJ:
                 arm.run_at(np.array(p[:6]))
-            case Command.SPEEDL:
+            case ScriptCommand.SPEEDL:
                 is_reached = arm.run_tip_at(p[:6])
-            case Command.MOVEJ | Command.MOVEJ_IK | Command.MOVEL | Command.MOVEL_FK:
+            case ScriptCommand.MOVEJ | ScriptCommand.MOVEJ_IK | ScriptCommand.MOVEL | ScriptCommand.MOVEL_FK:
                 is_asynchronous = int(inputs.get(f"input_int_register_{self._offset + 1}", 0))
                 is_reached = self._move(command, p, bool(is_asynchronous))
-            case Command.SPEED_STOP | Command.SERVO_STOP | Command.STOPL | Command.STOPJ:
+            case ScriptCommand.SPEED_STOP | ScriptCommand.SERVO_STOP | ScriptCommand.STOPL | ScriptCommand.STOPJ:
                 arm.stop()
                 self._is_busy = self._is_moving
-            case Command.SET_WATCHDOG:
+            case ScriptCommand.SET_WATCHDOG:
                 self._watchdog_time = 1.0 / p[0] if p[0] > 0 else None
-            case Command.SET_TCP:
+            case ScriptCommand.SET_TCP:
                 arm.tcp = matrix_of(p[:6])
-            case Command.PROTECTIVE_STOP:
+            case ScriptCommand.PROTECTIVE_STOP:
                 self._protect()
-            case Command.ZERO_FORCE_SENSOR:
+            case ScriptCommand.ZERO_FORCE_SENSOR:
                 self.zeroed = True
-            case Command.SET_PAYLOAD:
+            case ScriptCommand.SET_PAYLOAD:
                 self.outputs |= {"payload": p[0], "payload_cog": tuple(p[1:4])}
-            case Command.FORCE_MODE_STOP | Command.SET_GRAVITY:
+            case ScriptCommand.FORCE_MODE_STOP | ScriptCommand.SET_GRAVITY:
                 pass
             case _:
                 return self._answer(command, p)
@@ -122,11 +122,11 @@ class Program:
     def _move(self, command: int, p: list[float], is_asynchronous: bool) -> bool:
         """Move to joints or to a pose, p[:6]; return False for one out of reach, or a speed or acceleration of 0."""
         arm, speed, acceleration = self._arm, p[SPEED], p[ACCELERATION]
-        is_goal_in_joints = command in (Command.MOVEJ, Command.MOVEL_FK)
+        is_goal_in_joints = command in (ScriptCommand.MOVEJ, ScriptCommand.MOVEL_FK)
         goal: Floats | None = np.array(p[:6]) if is_goal_in_joints else arm.inverse(p[:6])
         if goal is None or speed <= 0 or acceleration <= 0:
             return False
-        if command in (Command.MOVEJ, Command.MOVEJ_IK):
+        if command in (ScriptCommand.MOVEJ, ScriptCommand.MOVEJ_IK):
             arm.move(goal, speed, acceleration)
         elif not arm.move_linear(pose_of(arm.model.tip(goal.tolist(), arm.tcp)[0]), speed, acceleration):
             return False
@@ -143,20 +143,20 @@ class Program:
         numbers: list[float] = []
         is_positive = True
         match command:
-            case Command.GET_STEPTIME:
+            case ScriptCommand.GET_STEPTIME:
                 numbers = [TICK]
-            case Command.GET_TCP_OFFSET:
+            case ScriptCommand.GET_TCP_OFFSET:
                 numbers = pose_of(arm.tcp)
-            case Command.GET_FORWARD_KINEMATICS_ARGS:
+            case ScriptCommand.GET_FORWARD_KINEMATICS_ARGS:
                 tool = matrix_of(p[6:12]) if any(p[6:12]) else arm.tcp
                 numbers = pose_of(arm.model.tip(p[:6], tool)[0])
-            case Command.GET_INVERSE_KINEMATICS_ARGS | Command.GET_INVERSE_KINEMATICS_DEFAULT:
+            case ScriptCommand.GET_INVERSE_KINEMATICS_ARGS | ScriptCommand.GET_INVERSE_KINEMATICS_DEFAULT:
                 joints = arm.inverse(p[:6])
                 numbers = [] if joints is None else joints.tolist()
                 is_positive = joints is not None or not arm.moving
-            case Command.IS_STEADY:
+            case ScriptCommand.IS_STEADY:
                 is_positive = not arm.moving
-            case Command.IS_POSE_WITHIN_SAFETY_LIMITS | Command.IS_JOINTS_WITHIN_SAFETY_LIMITS:
+            case ScriptCommand.IS_POSE_WITHIN_SAFETY_LIMITS | ScriptCommand.IS_JOINTS_WITHIN_SAFETY_LIMITS:
                 pass
             case _:
                 self.complaint = f"command {command} is not carried out in software"

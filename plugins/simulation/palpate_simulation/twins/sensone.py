@@ -39,6 +39,7 @@ class VirtualSensor:
     """
 
     def __init__(self, line: SerialLine, overhead: float, ppm: float, clock_start: int, seed: int) -> None:
+        """Plug the cable in; the port is still closed. `overhead` [s] is per reading, `clock_start` in microseconds."""
         self._line = line
         self._overhead = overhead
         self._clock_rate = 1.0 + ppm * 1e-6

@@ -64,15 +64,14 @@ class Client:
         """
         if self.unsent and data:
             self.skipped += 1
-            data = b""
-        data = self.unsent + data
+        pending = self.unsent or data
         try:
-            sent = self.socket.send(data) if data else 0
+            sent_count = self.socket.send(pending) if pending else 0
         except BlockingIOError:
-            sent = 0
+            sent_count = 0
         except OSError:
             return False
-        self.unsent = data[sent:]
+        self.unsent = pending[sent_count:]
         return True
 
 

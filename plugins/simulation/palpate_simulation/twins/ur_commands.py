@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 
-class Command(IntEnum):
+class ScriptCommand(IntEnum):
     """Numbers of the program of `ur_rtde` 1.6 that the twin carries out."""
 
     NONE = 0

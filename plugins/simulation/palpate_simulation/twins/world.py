@@ -25,6 +25,7 @@ from palpate_simulation.twins.ports import NetworkWiring, Wiring
 from palpate_simulation.twins.rdt_box import COUNTS, VirtualBox
 from palpate_simulation.twins.sensone import VirtualSensor
 from palpate_simulation.twins.sensor_faults import Electronics
+from palpate_simulation.twins.sensor_lines import SerialLine
 from palpate_simulation.twins.settings import BenchSettings
 
 START_POSTURE = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # [rad] with the tool downwards (a choice)
@@ -41,6 +42,7 @@ class World:
     """Twins at work, in one loop of 2 ms."""
 
     def __init__(self, settings: BenchSettings, seed: int, wiring: Wiring | None = None) -> None:
+        """Put arm, controller and sensor at their start; without a wiring they listen on the network."""
         self.settings, wiring = settings, wiring or NetworkWiring()
         robot_sequence, sensor_sequence, noise_sequence = np.random.SeedSequence(seed).spawn(3)
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in (robot_sequence, sensor_sequence))
@@ -53,19 +55,12 @@ class World:
         self.hand = Hand(self.controller, settings.work, self._tool)
         line = wiring.serial(settings.port) if settings.sensor == "bota" else None  # first: it may be refused
         self.ports = wiring.ports(settings.host, self.controller)
-        self.sensor: VirtualSensor | VirtualBox
-        if line is not None:
-            self.sensor = VirtualSensor(
-                line, settings.line_time, settings.sensor_ppm, settings.clock_start, sensor_seed
-            )
-        else:
-            net, scale = wiring.datagrams(settings.host), COUNTS[settings.sensor]
-            self.sensor = VirtualBox(net, settings.sensor_rate, scale, sensor_seed)
+        self.sensor = self._make_sensor(line, wiring, sensor_seed)
         self.electronics = Electronics(sensor_seed)
         self._rotation = settings.work.matrix[:3, :3].T  # from the base to the work frame
         self._mounting = mounting_matrix(settings.mounting)
         self._nominal = self._rotation @ settings.work.tool @ self._mounting  # axes of the sensor in the work frame
-        self._before = self._tip()
+        self._before = self._tip()  # position and velocity of the tip at the latest tick
         self.truth = Truth()
         self._force = 0.0  # [N] on the skin, the latest
         # Start [s], position, velocity and acceleration of the latest ticks.
@@ -85,6 +80,14 @@ class World:
             stiffness = self.settings.arm.stiffness
             arm.stiffness = math.inf if stiffness is None else stiffness
         return arm
+
+    def _make_sensor(self, line: SerialLine | None, wiring: Wiring, seed: int) -> VirtualSensor | VirtualBox:
+        """Return a SensONE on a serial line, or a box on the net without a line."""
+        settings = self.settings
+        if line is not None:
+            return VirtualSensor(line, settings.line_time, settings.sensor_ppm, settings.clock_start, seed)
+        scale = COUNTS[settings.sensor]
+        return VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, scale, seed)
 
     def _start(self) -> Any:
         """Return the joint angles (n,) [rad] at the start; raises DeviceError where the pose is out of reach.
@@ -194,12 +197,13 @@ class World:
     def _tick(self) -> None:
         """Advance hand, controller and arm by a tick, then the sensor by its readings in it."""
         start = self.controller.now
+        position, velocity = self._before
         self.hand.act()
         self.controller.tick()
-        position, velocity = self._before
         self._before = self._tip()
+        acceleration = (self._before[1] - velocity) / TICK
+        self._past.append((start, position, velocity, acceleration))
         self.sensor.poll(self.controller.now)
-        self._past.append((start, position, velocity, (self._before[1] - velocity) / TICK))
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
             wrench, unloaded = self._feel(instants)
