@@ -93,19 +93,20 @@ class RigLink:
         instants = np.arange(int(np.floor(path.ticks[-1] * sensor_rate)) + 1) / sensor_rate  # of the wrench [s]
         contact = self._contact(instants, path)
         origin = host_time_ns() if is_live else 0  # [ns]
-        start = clock().now()
-        tick = reading = 0  # indexes of the first that have not been sent
+        start_time = clock().now()
         length = ROUND_LENGTH[self._settings.pace]
-        for end in np.arange(1, int(duration_of(self._trajectory) / length) + 2) * length:
+        round_ends = np.arange(1, int(duration_of(self._trajectory) / length) + 2) * length  # [s]
+        # Indexes of the first reading and the first tick after each round.
+        reading_ends, tick_ends = np.searchsorted(instants, round_ends), np.searchsorted(path.ticks, round_ends)
+        readings, ticks = slice(0, 0), slice(0, 0)
+        for round_end, reading_end, tick_end in zip(round_ends, reading_ends, tick_ends, strict=True):
             if is_live:
-                self._stopped.wait(max(end - (clock().now() - start), 0.0))
+                self._stopped.wait(max(round_end - (clock().now() - start_time), 0.0))
             if self._stopped.is_set():
                 return
-            next_reading, next_tick = int(np.searchsorted(instants, end)), int(np.searchsorted(path.ticks, end))
-            readings, ticks = slice(reading, next_reading), slice(tick, next_tick)
+            readings, ticks = slice(readings.stop, int(reading_end)), slice(ticks.stop, int(tick_end))
             yield self._wrench_batch(path, instants[readings], contact[readings], origin)
             yield from self._motion_batches(path, ticks, origin)
-            reading, tick = next_reading, next_tick
 
     def _track(self, trajectory: Trajectory) -> TrackedPath:
         """Return the motion that the position loop makes of a trajectory; with a force law, the force leads it."""
@@ -140,7 +141,7 @@ class RigLink:
         return specimen.with_friction(SkinUnderTip(specimen, position).push(instants, velocity), sliding_velocity)
 
     def _wrench_batch(self, path: TrackedPath, instants: Floats, contact: Floats, origin: int) -> Batch:
-        """Return what the sensor reads at true times (n,) [s] with a contact force (n, 3) [N] on the tip."""
+        """Return the readings of the sensor at true times (n,) [s], with a contact force (n, 3) [N] on the tip."""
         settings = self._settings
         acceleration = path.motion.mean_acceleration(instants, width=1.0 / settings.sensor_rate)
         force_in_sensor, acceleration_in_sensor, down = path.tool.in_sensor(instants, contact, acceleration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import add
 
 import numpy as np
 from palpate import Floats
@@ -62,30 +63,35 @@ class SkinContact:
         """Return the friction (n, 3) [N] across normals (n, 3), at most as large as its limit (n,) [N].
 
         The spring's force grows by `spring_steps` (n, 3) [N] and turns with the skin; `dampers` (n, 3) [N] are added.
-        Where both together are more than the limit the tip slips, and both are scaled down to it. The loop has plain
-        numbers for speed.
+        Where both together are more than the limit the tip slips, and both are scaled down to it. The loop has lists
+        of plain numbers for speed.
         """
-        columns = [column.tolist() for column in (*spring_steps.T, *dampers.T, *normal.T, limit)]
-        (x, y, z), force = self._spring.tolist(), list[float]()
-        for step_x, step_y, step_z, drag_x, drag_y, drag_z, n_x, n_y, n_z, largest in zip(*columns, strict=True):
+        spring = self._spring.tolist()
+        forces = []
+        rows = zip(spring_steps.tolist(), dampers.tolist(), normal.tolist(), limit.tolist(), strict=True)
+        for spring_step, damper, unit_normal, largest in rows:
             # Out of contact the skin relaxes.
             if largest <= 0.0:
-                x = y = z = 0.0
-                force += (0.0, 0.0, 0.0)
+                spring = [0.0, 0.0, 0.0]
+                forces.append(spring)
                 continue
-            # Stretch the spring, and leave out the part of its force along the normal.
-            x, y, z = x + step_x, y + step_y, z + step_z
-            outward = x * n_x + y * n_y + z * n_z
-            x, y, z = x - outward * n_x, y - outward * n_y, z - outward * n_z
-            sum_x, sum_y, sum_z = x + drag_x, y + drag_y, z + drag_z
+            spring = _without_normal_part(list(map(add, spring, spring_step)), unit_normal)
+            force = list(map(add, spring, damper))
             # Coulomb's limit.
-            if (size := math.hypot(sum_x, sum_y, sum_z)) > largest:
+            if (size := math.hypot(*force)) > largest:
                 scale = largest / size
-                x, y, z = scale * x, scale * y, scale * z
-                sum_x, sum_y, sum_z = scale * sum_x, scale * sum_y, scale * sum_z
-            force += (sum_x, sum_y, sum_z)
-        self._spring = np.array([x, y, z])
-        return np.array(force).reshape(-1, 3)
+                spring = [scale * component for component in spring]
+                force = [scale * component for component in force]
+            forces.append(force)
+        self._spring = np.array(spring)
+        return np.array(forces).reshape(-1, 3)
+
+
+def _without_normal_part(force: list[float], unit_normal: list[float]) -> list[float]:
+    """Return a force (3,) without its part along a normal (3,)."""
+    (x, y, z), (n_x, n_y, n_z) = force, unit_normal
+    outward = x * n_x + y * n_y + z * n_z
+    return [x - outward * n_x, y - outward * n_y, z - outward * n_z]
 
 
 def _contact_slopes(

@@ -20,7 +20,7 @@ def dashboard_facts(modes: tuple[int, int, int], version: str, model: str, remot
     program_state = PROGRAM_STATES.get(runtime, "STOPPED")
     return {
         "PolyscopeVersion": f"URSoftware {version} (software)",
-        "get serial number": "20233500001",
+        "get serial number": "20233500001",  # a choice: of the form of a UR's
         "get robot model": model.upper().rstrip("E"),
         "is in remote control": str(remote).lower(),
         "robotmode": f"Robotmode: {ROBOT_MODES.get(robot, 'NO_CONTROLLER')}",

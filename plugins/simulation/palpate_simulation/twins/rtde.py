@@ -144,12 +144,12 @@ class ClientSession:
         self._write = write
         self._output_types = {name: OUTPUTS[name] for name in OUTPUTS if name != unknown}
         self._starts = starts
-        self._inputs: dict[int, tuple[list[str], struct.Struct]] = {}
-        self._outputs: list[str] = []
+        self._inputs: dict[int, tuple[list[str], struct.Struct]] = {}  # names and layout, by number of the recipe
+        self._outputs: list[str] = []  # names of the recipe
         self._output_layout = struct.Struct(">")
         self._ticks_per_packet = 1
-        self._ticks = 0
-        self.started = False
+        self._ticks = 0  # since the connection began
+        self.started = False  # data were requested
 
     @property
     def commands(self) -> bool:

@@ -42,7 +42,10 @@ class World:
     """Twins at work, in one loop of 2 ms."""
 
     def __init__(self, settings: BenchSettings, seed: int, wiring: Wiring | None = None) -> None:
-        """Put arm, controller and sensor at their start; without a wiring they listen on the network."""
+        """Put arm, controller and sensor at their start; without a wiring they listen on the network.
+
+        The seeds of robot, sensor and world are independent.
+        """
         self.settings, wiring = settings, wiring or NetworkWiring()
         robot_sequence, sensor_sequence, noise_sequence = np.random.SeedSequence(seed).spawn(3)
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in (robot_sequence, sensor_sequence))
