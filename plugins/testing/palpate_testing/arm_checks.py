@@ -109,11 +109,11 @@ class _MovedArm:
         start: Callable[[Arm, Trajectory], None] = set_out,
     ) -> None:
         self.name, self.link = type(device).__name__, link
-        self.failure: DeviceError | None = None
-        self.ended = False
+        self.failure: DeviceError | None = None  # by which the batches ended
+        self.ended = False  # the batches have ended
         self._device, self._arm = device, arm
         self._batches: list[Batch] = []
-        _, self._path, _ = _motion(trajectory)
+        _, self._path, _ = _motion(trajectory)  # (n, 3) [m]
         clock().thread(self._read, f"{self.name} is moved").start()
         start(link, trajectory)
 

@@ -35,19 +35,19 @@ class PressMotion:
         omega = 2.0 * np.pi * self.frequency
         depth = self.bias + self.amplitude * np.sin(omega * time)
         speed = self.amplitude * omega * np.cos(omega * time)
-        # u = F - m z'' with z'' = -d'': what the sensor feels of the contact force and of the tip's inertia.
+        # The sensor feels u = F - m z'' with z'' = -d''.
         inertia = -mass * self.amplitude * omega**2 * np.sin(omega * time)
         force = force_over_time(model, time, depth, speed, theta) + inertia
         everywhere = np.ones(count, bool)
         return Samples(
-            stamp,
-            time,
-            np.concatenate([[0.0], np.diff(stamp) / 1e9]),
-            force + self.noise * FORCE_STD * rng.standard_normal(count),
-            -depth,
-            -speed + self.noise * VELOCITY_STD * rng.standard_normal(count),
-            everywhere,
-            everywhere.copy(),
+            stamp=stamp,
+            time=time,
+            interval=np.concatenate([[0.0], np.diff(stamp) / 1e9]),
+            force=force + self.noise * FORCE_STD * rng.standard_normal(count),
+            position=-depth,
+            velocity=-speed + self.noise * VELOCITY_STD * rng.standard_normal(count),
+            contact=everywhere,
+            active=everywhere.copy(),
         )
 
 
