@@ -13,7 +13,7 @@ from palpate import LogError
 from palpate_kit.curves.alike_logs import specimens_of
 from palpate_logs import AfmReplay
 from palpate_logs.curve_file import curve_file
-from palpate_logs.jpk_curves import segment_ways
+from palpate_logs.jpk_curves import segment_kinds
 from palpate_maps.curve_cells import axis_step, read_curve_cells
 
 with warnings.catch_warnings():
@@ -68,7 +68,7 @@ def test_numbers_of_jpk_are_those_of_afmformats(tmp_path, grid):
         for column in curve.columns:
             np.testing.assert_array_equal(curve.column(column), expected[column])
         assert curve.spring_constant == expected.metadata["spring constant"]
-        assert curve.duration == expected.metadata["duration approach"]
+        assert curve.approach_duration == expected.metadata["duration approach"]
 
 
 @pytest.mark.slow
@@ -193,7 +193,7 @@ def test_an_uncalibrated_curve_says_so(tmp_path):
     ],
 )
 def test_segments_are_what_their_styles_say(styles, expected):
-    assert segment_ways(styles) == expected
+    assert segment_kinds(styles) == expected
 
 
 def test_records_of_a_map_are_specimens_with_places(tmp_path):

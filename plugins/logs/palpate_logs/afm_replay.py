@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,25 +22,22 @@ from palpate import (
     Stream,
 )
 from palpate_kit.logs.log_link import file_facts
-from palpate_kit.logs.suggestion import TIP
 from palpate_records.log_files import regular
+from palpate_records.messages.readings import SECOND
 from palpate_records.recording import Recording, Suggestion, Survey, TopicSurvey
 from pydantic import Field
 
+from palpate_logs.afm_suggestion import suggest_curve
 from palpate_logs.curve_export import is_exported_curve
 from palpate_logs.curve_file import CurveFile, curve_file, named_curve
-from palpate_logs.force_curve import MEASURED, PIEZO, TIP_POSITION, WAY_IN, ForceCurve
+from palpate_logs.force_curve import APPROACH, MEASURED, PIEZO, TIP_POSITION
 from palpate_logs.jpk_curves import SUFFIXES as JPK
 
 SUFFIXES = (*JPK, ".ibw")
-_SECOND = 1e9  # [ns]
-_BLOCK = 4096  # readings in one batch
-_AIR = 0.3  # of the way down whose mean is the tare, at most
-_ROUND = (5.0, 2.0, 1.0)  # digits of a duration that curves of a map share, though theirs differ a little
-_LISTED = 12  # curves of a map that `info` reads
-ANALYSIS = "afm-analysis"  # the template of tip, model and estimator
-_CHANNELS = {"force": "N", "height": "m", "segment": "1", "approach": "1"}
-_ROWS = {"tip": TIP_POSITION, "measured": MEASURED, "piezo": PIEZO}
+_BATCH_READINGS = 4096  # in one batch, a choice: memory against calls
+_MAX_LISTED = 12  # curves of a map that `info` reads, a choice: a screen
+_UNITS = {"force": "N", "height": "m", "segment": "1", "approach": "1"}  # by channel
+_HEIGHT_COLUMNS = {"tip": TIP_POSITION, "measured": MEASURED, "piezo": PIEZO}  # by the option `height`
 
 
 class AfmReplay(Recording):
@@ -69,19 +65,21 @@ class AfmReplay(Recording):
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """One stream without a name: channels are addressed as ``device.channel``."""
+        """The only stream, which has no name: its channels are addressed as ``device.channel``."""
         regular(self.file)
-        return (Stream("", tuple(Channel(name, unit) for name, unit in _CHANNELS.items()), None, clock="file"),)
+        return (Stream("", tuple(Channel(name, unit) for name, unit in _UNITS.items()), None, clock="file"),)
 
     @property
     def provenance(self) -> Mapping[str, str]:
         """The file, its SHA-256, and the curve."""
-        facts: Mapping[str, str] = file_facts(self.file, [self.file])
-        return {**facts, **({} if self.record is None else {"record": self.record})}
+        facts = dict(file_facts(self.file, [self.file]))
+        if self.record is not None:
+            facts["record"] = self.record
+        return facts
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The open file."""
+        """Open the file."""
         yield _AfmLink(self)
 
     @classmethod
@@ -101,130 +99,107 @@ class AfmReplay(Recording):
     def places(cls, path: Path) -> Mapping[str, tuple[float, float]]:
         """See `Recording`."""
         file = curve_file(path)
-        return {str(number): place for number in file.numbers if (place := file.place(number)) is not None}
+        places = {str(number): file.place(number) for number in file.numbers}
+        return {name: place for name, place in places.items() if place is not None}
 
     @classmethod
     def survey(cls, path: Path) -> Survey:
-        """See `Recording`; every curve is a topic, of a map the first."""
+        """See `Recording`; each curve is a topic, of a map each of the first `_MAX_LISTED`."""
         file = curve_file(path)
-        topics = tuple(_topic(file, number) for number in file.numbers[:_LISTED])
-        notes = list[str]()
-        if len(file.numbers) > 1:
-            listed = f"; the first {_LISTED} are listed" if len(file.numbers) > _LISTED else ""
-            notes.append(f"a map of {len(file.numbers)} curves{listed}: palpate fit fits each, --curve 3 one of them")
+        topics = tuple(_survey_topic(file, number) for number in file.numbers[:_MAX_LISTED])
+        curve_count = len(file.numbers)
+        notes: list[str] = []
+        if curve_count > 1:
+            limit = f"; the first {_MAX_LISTED} are listed" if curve_count > _MAX_LISTED else ""
+            notes.append(f"a map of {curve_count} curves{limit}: palpate fit fits each, --curve 3 one of them")
         return Survey(path, "force curves", topics, tuple(notes))
 
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
-        """See `Recording`; nothing is to be chosen but the rate, where the file holds no time."""
-        file = curve_file(path)
-        curve = _sound_curve(file, path, choices.get("record"))
-        device: dict[str, Any] = {"type": "afm-replay", "file": str(path)}
-        device |= {"record": choices["record"]} if "record" in choices else {}
-        blanks, doubts = list[str](), list[str]()
-        reasons = [f"force and height: those of {curve.name.removeprefix(f'{path}: ')}, as the format names them"]
-        time = curve.time()
-        if time is None and "rate" in choices:
-            device["rate"] = choices["rate"]
-        elif time is None:
-            device["rate"] = "? Hz"
-            blanks.append("rate: the file contains no time (or --rate '2 kHz')")
-        if curve.spring_constant is None and TIP_POSITION not in curve.columns:
-            device["spring_constant"] = "? N/m"
-            blanks.append("spring_constant: the file does not state it")
-        elif curve.spring_constant is not None:
-            reasons.append(f"spring constant: {curve.spring_constant:.4g} N/m, as the file states it")
-        roles = {"force": "force", "position": "height", "measuring": "approach"}
-        alignment: dict[str, Any] = {role: {"channel": f"log.{name}"} for role, name in roles.items()}
-        reasons.append("measuring: the way in, as the file has it")
-        if time is not None and curve.duration is not None:
-            alignment["tare_duration"] = f"{_round_down(_AIR * curve.duration):.3g} s"
-            reasons.append(f"tare: the mean of up to {_AIR:.0%} of the approach, its first, which has to be in air")
-        alignment["tip_mass"] = "0 g"
-        if len(file.numbers) > 1 and "record" not in choices:
-            doubts.append(
-                f"the file holds {len(file.numbers)} curves, and the first is read: --set device.log.record=NUMBER"
-            )
-        if TIP not in choices:
-            doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
-        return Suggestion(
-            device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,
-            assumed=("model.*", "alignment.tare", "alignment.*.delay"), has_time=time is not None,
-        )  # fmt: skip
+        """See `Recording`; nothing is to be chosen but the rate, if the file contains no time."""
+        return suggest_curve(path, choices)
 
     @classmethod
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-        """See `Recording`; a curve without time is left out."""
+        """See `Recording`; a curve without a time is left out, with a note."""
         file = curve_file(path)
         for number in file.numbers:
             curve = file.curve(number)
             time = curve.time()
+            name = f"curve {number}"
             if time is not None:
-                name, stamps = f"curve {number}", _stamps(time)
-                columns = np.column_stack([curve.column(key) for key in curve.columns])
-                yield name, curve.columns, Batch(name, stamps, stamps, columns)
+                stamps = _stamps(time)
+                readings = np.column_stack([curve.column(column) for column in curve.columns])
+                yield name, curve.columns, Batch(name, stamps, stamps, readings)
             elif notes is not None:
-                notes.append(f"curve {number} has no time, and is left out")
-
-
-def _round_down(seconds: float) -> float:
-    """Return the longest of 1, 2, 5, 10, ... [s] that is not longer."""
-    power = 10.0 ** math.floor(math.log10(seconds))
-    return next((digit * power for digit in _ROUND if digit * power <= seconds * (1 + 1e-9)), power)
-
-
-def _sound_curve(file: CurveFile, path: Path, name: str | None) -> ForceCurve:
-    """Return a curve, or in place of a damaged one of a map the first that is not; raises LogError without any."""
-    try:
-        return named_curve(file, path, name)
-    except LogError:
-        for number in file.numbers if len(file.numbers) > 1 and (name is None or name.isdecimal()) else ():
-            try:
-                return file.curve(number)
-            except LogError:
-                continue
-        raise
+                notes.append(f"{name} has no time, and is left out")
 
 
 def _stamps(time: Floats) -> NDArray[np.int64]:
-    stamps: NDArray[np.int64] = np.rint((time - time[0]) * _SECOND).astype(np.int64)
+    """Return the time-stamps (n,) [ns] of times (n,) [s], from 0 at the first."""
+    stamps: NDArray[np.int64] = np.rint((time - time[0]) * SECOND).astype(np.int64)
     return stamps
 
 
-def _topic(file: CurveFile, number: int) -> TopicSurvey:
-    """Return what a curve contains; of a damaged one why it cannot be read."""
+def _survey_topic(file: CurveFile, number: int) -> TopicSurvey:
+    """Return the contents of a curve as those of a topic; of a damaged curve of a map the reason.
+
+    Raises LogError for a file of one curve that is damaged.
+    """
     name = f"curve {number}"
     try:
         curve = file.curve(number)
-        time, count = curve.time(), len(curve.force)
+        time = curve.time()
+        reading_count = len(curve.force)
     except LogError as error:
         if len(file.numbers) == 1:
             raise
-        return TopicSurvey(name, file.format, "afm", 0, 0, 0, note=str(error))
-    stamps = _stamps(time) if time is not None else np.zeros(1, np.int64)
-    steps = np.diff(time) if time is not None else np.zeros(0)
-    low, middle, high = np.percentile(steps, (1, 50, 99)).tolist() if len(steps) else (0.0, 0.0, 0.0)
+        return TopicSurvey(name, type=file.format, encoding="afm", messages=0, first=0, last=0, note=str(error))
+    if time is None:
+        stamps = np.zeros(1, np.int64)
+        interval = None
+    else:
+        stamps = _stamps(time)
+        interval = _interval_percentiles(time)
     return TopicSurvey(
-        name, file.format, "afm", count, int(stamps[0]), int(stamps[-1]),
-        (low, middle, high) if len(steps) else None, fields=curve.columns,
+        name,
+        type=file.format,
+        encoding="afm",
+        messages=reading_count,
+        first=int(stamps[0]),
+        last=int(stamps[-1]),
+        interval=interval,
+        fields=curve.columns,
         note="" if time is not None else "no time: give the device rate",
-    )  # fmt: skip
+    )
+
+
+def _interval_percentiles(time: Floats) -> tuple[float, float, float] | None:
+    """Return percentiles 1, 50 and 99 of the intervals [s] between times (n,) [s]; None for a single time."""
+    intervals = np.diff(time)
+    if not len(intervals):
+        return None
+    low, median, high = np.percentile(intervals, (1, 50, 99)).tolist()
+    return low, median, high
 
 
 @dataclass(frozen=True)
 class _AfmLink:
+    """The open curve of a device."""
+
     log: AfmReplay
 
     def batches(self) -> Iterator[Batch]:
-        """Yield the readings in their order, some thousand at a time."""
+        """Yield the readings in their order, `_BATCH_READINGS` at a time: force, height, segment, approach."""
         path = self.log.file
         curve = named_curve(curve_file(path), path, self.log.record)
         time = curve.time(self.log.rate)
         if time is None:
             raise LogError(f"{path}: the file contains no time: set rate of the device")
-        segment, height = curve.segment, curve.height(_ROWS[self.log.height], self.log.spring_constant)
-        values = np.column_stack([curve.force, height, segment, segment == WAY_IN])
+        segment = curve.segment
+        height = curve.height(_HEIGHT_COLUMNS[self.log.height], self.log.spring_constant)
+        readings = np.column_stack([curve.force, height, segment, segment == APPROACH])
         stamps = _stamps(time)
-        for begin in range(0, len(stamps), _BLOCK):
-            rows = slice(begin, begin + _BLOCK)
-            yield Batch("", stamps[rows], stamps[rows], values[rows])
+        for first_row in range(0, len(stamps), _BATCH_READINGS):
+            rows = slice(first_row, first_row + _BATCH_READINGS)
+            yield Batch("", stamps[rows], stamps[rows], readings[rows])

@@ -17,15 +17,15 @@ from palpate import LogError
 from palpate_records.log_files import regular
 
 from palpate_logs.curve_export import HDF5
-from palpate_logs.force_curve import BEFORE, FORCE, REST, WAY_IN, WAY_OUT, ForceCurve, positive
+from palpate_logs.force_curve import APPROACH, BEFORE_APPROACH, FORCE, PAUSE, RETRACT, ForceCurve, positive
 from palpate_logs.jpk_curves import SUFFIXES as JPK, jpk_file
 
-_Loaded = TypeVar("_Loaded")
+_LoadedObject = TypeVar("_LoadedObject")
 
-_FILES = 4  # that stay open
-_WAYS = {  # by afmformats' imaging mode: what each number of a segment is
-    "creep-compliance": (WAY_IN, REST, WAY_OUT),
-    "stress-relaxation": (BEFORE, WAY_IN, REST, WAY_OUT),
+_MAX_OPEN_FILES = 4  # a choice: the files of a few curves that are read in turns
+_SEGMENT_KINDS = {  # by afmformats' imaging mode, in the order of its numbers of segments
+    "creep-compliance": (APPROACH, PAUSE, RETRACT),
+    "stress-relaxation": (BEFORE_APPROACH, APPROACH, PAUSE, RETRACT),
 }
 _KNOWN_MODES = "creep-compliance, force-distance, stress-relaxation"
 
@@ -54,15 +54,15 @@ class CurveFile(Protocol):
 
 def curve_file(path: Path) -> CurveFile:
     """Return an open file of curves; raises LogError where afmformats is missing or does not read it."""
-    state = regular(path).stat()
-    file = _open(path, state.st_mtime_ns, state.st_size, os.getpid())
+    status = regular(path).stat()
+    file = _open_file(path, modified=status.st_mtime_ns, size=status.st_size, process=os.getpid())
     if not file.numbers:
         raise LogError(f"{path}: contains no force curve")
     return file
 
 
 def named_curve(file: CurveFile, path: Path, name: str | None) -> ForceCurve:
-    """Return the curve of a name, its number; without one the first. Raises LogError."""
+    """Return the curve of a name, which is its number; the first one for None. Raises LogError."""
     numbers = file.numbers
     if name is None:
         return file.curve(numbers[0])
@@ -71,15 +71,19 @@ def named_curve(file: CurveFile, path: Path, name: str | None) -> ForceCurve:
     return file.curve(int(name))
 
 
-@lru_cache(_FILES)
-def _open(path: Path, changed: int, size: int, process: int) -> CurveFile:
-    """Return a file as it was at that instant, open in this process: a forked one would share its place in the file."""
+@lru_cache(_MAX_OPEN_FILES)
+def _open_file(path: Path, *, modified: int, size: int, process: int) -> CurveFile:
+    """Return an open file of curves; one that is already open serves again.
+
+    The time [ns] of its last change and its size [bytes] are arguments so that a changed file is opened again. So is
+    the process: a fork would share the offset in the open file.
+    """
     name = path.name.lower()
     if name.endswith(JPK):
         return jpk_file(path)
     if name.endswith(HDF5):
         return _hdf5_file(path)
-    return _LoadedCurves(path, tuple(_loaded(path)))
+    return _LoadedCurves(path, tuple(_load_curves(path)))
 
 
 @dataclass(frozen=True)
@@ -87,21 +91,21 @@ class _LoadedCurves:
     """The curves of a file that afmformats reads as a whole."""
 
     path: Path
-    data: tuple[Any, ...]
+    curves: tuple[Any, ...]  # of afmformats
 
     @property
     def format(self) -> str:
-        return str(self.data[0].metadata.get("format", "force curve"))
+        return str(self.curves[0].metadata.get("format", "force curve"))
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        return tuple(range(len(self.data)))
+        return tuple(range(len(self.curves)))
 
     def curve(self, number: int) -> ForceCurve:
-        return _curve_of(self.data[number], str(self.path))
+        return _force_curve(self.curves[number], str(self.path))
 
     def place(self, number: int) -> tuple[float, float] | None:
-        return _place_of(self.data[number].metadata)
+        return _stated_place(self.curves[number].metadata)
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,8 @@ class _ExportedCurves:
         return "afmformats (HDF5-based)"
 
     def curve(self, number: int) -> ForceCurve:
-        def load(afmformats: Any) -> ForceCurve:
+        def load_curve(afmformats: Any) -> ForceCurve:
+            """Return the curve by the class of afmformats for its imaging mode."""
             from afmformats.formats import default_data_classes_by_modality as classes
             from afmformats.formats.fmt_hdf5 import H5DictReader
 
@@ -124,16 +129,16 @@ class _ExportedCurves:
             mode = facts.get("imaging mode")
             if mode not in classes:
                 raise LogError(f"{name}: states the imaging mode {mode!r}; known are {_KNOWN_MODES}")
-            return _curve_of(classes[mode](H5DictReader(self.path, str(number)), facts), name)
+            return _force_curve(classes[mode](H5DictReader(self.path, str(number)), facts), name)
 
         name = f"{self.path}: curve {number}" if len(self.numbers) > 1 else str(self.path)
-        return _by_afmformats(name, load)
+        return _load_by_afmformats(name, load_curve)
 
     def place(self, number: int) -> tuple[float, float] | None:
-        return _place_of(self._facts(number))
+        return _stated_place(self._facts(number))
 
     def _facts(self, number: int) -> dict[str, Any]:
-        """Return what is stated of a curve."""
+        """Return the attributes of the group of a curve, as the file states them."""
         import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
         with h5py.File(self.path, "r") as file:
@@ -143,7 +148,8 @@ class _ExportedCurves:
 def _hdf5_file(path: Path) -> CurveFile:
     """Return an HDF5 file of afmformats; raises LogError."""
 
-    def load(afmformats: Any) -> CurveFile:
+    def load_file(afmformats: Any) -> CurveFile:
+        """Return the numbers of the curves, which are the names of the groups."""
         import h5py
 
         with closing(h5py.File(path, "r")) as file:
@@ -152,22 +158,26 @@ def _hdf5_file(path: Path) -> CurveFile:
             names = map(str, file)
             return _ExportedCurves(path, tuple(sorted(int(name) for name in names if name.isdecimal())))
 
-    return _by_afmformats(str(path), load)
+    return _load_by_afmformats(str(path), load_file)
 
 
-def _loaded(path: Path) -> list[Any]:
+def _load_curves(path: Path) -> list[Any]:
     """Return every curve of a file by afmformats; raises LogError."""
-    return _by_afmformats(str(path), lambda afmformats: list(afmformats.load_data(path)))
+    return _load_by_afmformats(str(path), lambda afmformats: list(afmformats.load_data(path)))
 
 
-def _by_afmformats(name: str, load: Callable[[Any], _Loaded]) -> _Loaded:
-    """Return what is loaded by afmformats; raises LogError where it is missing, or does not read the file."""
+def _load_by_afmformats(name: str, load: Callable[[Any], _LoadedObject]) -> _LoadedObject:
+    """Return the object that a function loads with the module afmformats.
+
+    Raises LogError, with the name of the file or curve, if afmformats is not installed or does not read the file.
+    """
+    # Warnings of afmformats' dependencies are of no use to a person; a failure is raised.
     try:
-        with warnings.catch_warnings():  # of its own dependencies; what matters is raised
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             import afmformats
 
-            logging.getLogger("afmformats").addHandler(logging.NullHandler())  # which else prints a traceback
+            logging.getLogger("afmformats").addHandler(logging.NullHandler())  # without a handler it prints a traceback
     except ImportError as error:
         raise LogError(f"{name}: force curves need afmformats: pip install 'palpate[afm]'") from error
     try:
@@ -176,26 +186,32 @@ def _by_afmformats(name: str, load: Callable[[Any], _Loaded]) -> _Loaded:
             return load(afmformats)
     except (LogError, KeyboardInterrupt, SystemExit, MemoryError):
         raise
-    except BaseException as error:  # of a parser, for files that are damaged; its own derive from nothing narrower
+    except BaseException as error:  # of a parser, for a damaged file: afmformats' errors derive from nothing narrower
         if type(error).__name__ == "FileFormatNotSupportedError":
             raise LogError(f"{name}: is not a force curve that afmformats knows: export it as text") from error
         raise LogError(f"{name}: cannot be read as a force curve: {type(error).__name__}: {error}") from error
 
 
-def _curve_of(data: Any, name: str) -> ForceCurve:
-    """Return a curve of afmformats; raises LogError without a force."""
-    columns, facts = tuple(data.columns), data.metadata
+def _force_curve(afm_curve: Any, name: str) -> ForceCurve:
+    """Return a curve that afmformats has read, by a name for messages; raises LogError without a force."""
+    columns = tuple(afm_curve.columns)
+    facts = afm_curve.metadata
     if FORCE not in columns:
         raise LogError(f"{name}: contains no force (there are: {', '.join(columns)})")
-    ways = _WAYS.get(str(facts.get("imaging mode")), (WAY_IN, WAY_OUT))
-    spring, duration = (positive(facts.get(key, None)) for key in ("spring constant", "duration approach"))
-    return ForceCurve(name, columns, data.__getitem__, ways, spring, duration)
+    return ForceCurve(
+        name,
+        columns,
+        read_column=afm_curve.__getitem__,
+        segment_kinds=_SEGMENT_KINDS.get(str(facts.get("imaging mode")), (APPROACH, RETRACT)),
+        spring_constant=positive(facts.get("spring constant", None)),
+        approach_duration=positive(facts.get("duration approach", None)),
+    )
 
 
-def _place_of(facts: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return x and y [m] that are stated of a curve; None where one is missing."""
-    place = [facts.get(f"position {axis}") for axis in "xy"]
-    if any(number is None for number in place):
+def _stated_place(facts: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return x and y [m] of a curve by the facts of its file; None if one is missing or not finite."""
+    x, y = facts.get("position x"), facts.get("position y")
+    if x is None or y is None:
         return None
-    x, y = (float(number) for number in place if number is not None)
+    x, y = float(x), float(y)
     return (x, y) if np.isfinite([x, y]).all() else None

@@ -12,44 +12,45 @@ from palpate import Floats, LogError
 FORCE, TIME, SEGMENT = "force", "time", "segment"
 TIP_POSITION, MEASURED, PIEZO = "tip position", "height (measured)", "height (piezo)"
 COLUMNS = (FORCE, MEASURED, PIEZO, SEGMENT, TIME, TIP_POSITION)  # by the names of afmformats
-WAY_IN, WAY_OUT, REST, BEFORE = 0.0, 1.0, 2.0, 3.0  # what a segment is
+APPROACH, RETRACT, PAUSE, BEFORE_APPROACH = 0.0, 1.0, 2.0, 3.0  # kinds of segments, as the channel has them
 
 
 @dataclass(frozen=True)
 class ForceCurve:
-    """One curve of a file, whose columns are read when they are asked for."""
+    """One curve of a file, whose columns are read only when they are needed."""
 
     name: str  # in messages: the file, and of several curves the number
     columns: tuple[str, ...]
-    read: Callable[[str], Any]  # a column (n,)
-    ways: tuple[float, ...] = (WAY_IN, WAY_OUT)  # what each segment is
+    read_column: Callable[[str], Any]  # from the name of a column to its readings (n,)
+    segment_kinds: tuple[float, ...] = (APPROACH, RETRACT)  # of each segment, in their order
     spring_constant: float | None = None  # [N/m]; None where the file does not state it
-    duration: float | None = None  # of the way in [s], as above
+    approach_duration: float | None = None  # [s]; None where the file does not state it
 
     @property
     def force(self) -> Floats:
-        """(n,) [N]."""
+        """The force (n,) [N]."""
         return self.column(FORCE)
 
     @property
     def segment(self) -> Floats:
-        """(n,) 0 on the way in, 1 on the way out, 2 between, 3 before; 0 throughout where the file does not say it."""
+        """The kind of segment (n,) of each reading: `APPROACH` throughout where the file states no segments."""
         if SEGMENT not in self.columns:
             return np.zeros(len(self.force))
-        return np.take(np.asarray(self.ways), self.column(SEGMENT).astype(int), mode="clip")
+        return np.take(np.asarray(self.segment_kinds), self.column(SEGMENT).astype(int), mode="clip")
 
     def column(self, name: str) -> Floats:
-        """(n,) as recorded; raises LogError where that is damaged."""
+        """Return the readings (n,) of a column as recorded; raises LogError where that is damaged."""
         try:
-            return np.asarray(self.read(name), np.float64)
-        except Exception as error:  # read now, not when the file was opened: unpacked, scaled, put together
+            return np.asarray(self.read_column(name), np.float64)
+        except Exception as error:  # of any kind: the column is unpacked and scaled only now
             label = "" if type(error) is ValueError else f"{type(error).__name__}: "
             raise LogError(f"{self.name}: its {name} cannot be read: {label}{error}") from error
 
     def time(self, rate: float | None = None) -> Floats | None:
-        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it.
+        """Return the time (n,) [s] of the file, else that of a `rate` [Hz]; None without either.
 
-        Raises LogError where the file contains a time as well.
+        Raises LogError for a time that does not advance from every reading to the next, and for a rate of a file that
+        contains a time.
         """
         if TIME not in self.columns:
             return None if rate is None else np.arange(len(self.force)) / rate
@@ -60,25 +61,26 @@ class ForceCurve:
             raise LogError(f"{self.name}: the time of the curve does not advance from every reading to the next")
         return time
 
-    def height(self, column: str, stiffness: float | None) -> Floats:
-        """(n,) [m] of the tip, the column of that name or force over `stiffness` above the cantilever's; else a column.
+    def height(self, column: str, spring_constant: float | None) -> Floats:
+        """Return the height (n,) [m] in a column.
 
-        Raises LogError where the file lacks it.
+        The tip's, if no column has it, is z + F/k: that of the cantilever z plus force F over spring constant k [N/m],
+        which is that of the file if it is None here. Raises LogError if the file lacks the column, z or k.
         """
         available = f"(there are: {', '.join(self.columns)})"
         if column in self.columns:
             return self.column(column)
         if column != TIP_POSITION:
             raise LogError(f"{self.name}: holds no {column!r} {available}")
-        stiffness = stiffness or self.spring_constant
-        if stiffness is None:
+        spring_constant = spring_constant or self.spring_constant
+        if spring_constant is None:
             raise LogError(f"{self.name}: does not state its spring constant: set spring_constant of the device")
-        base = next((name for name in (MEASURED, PIEZO) if name in self.columns), None)
-        if base is None:
+        cantilever_column = next((name for name in (MEASURED, PIEZO) if name in self.columns), None)
+        if cantilever_column is None:
             raise LogError(f"{self.name}: contains no height {available}")
-        return self.column(base) + self.force / stiffness
+        return self.column(cantilever_column) + self.force / spring_constant
 
 
 def positive(number: Any) -> float | None:
-    """Return a number that a file states, where it is finite and above 0; None for any other."""
+    """Return a number that a file states if it is finite and above 0, else None."""
     return float(number) if number is not None and np.isfinite(number) and number > 0 else None
