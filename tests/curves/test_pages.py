@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from palpate_logs.csv_replay import CsvReplay
-from palpate_logs.csv_roles import look
+from palpate_logs.csv_roles import read_sheet
 from palpate_records.tables.table_records import records_in
 
 NAMES = "Time\tAxial Displacement\tAxial Force"
@@ -54,7 +54,7 @@ def test_pages_are_read_as_the_file_without_them(tmp_path, head, rows):
     paged = written(tmp_path / "pages.txt", np.split(record, range(rows, len(record), rows)), head)
     whole = written(tmp_path / "whole.txt", [record], head)
     assert records_in(paged) == ()
-    assert np.array_equal(look(paged, {}).values, look(whole, {}).values)
+    assert np.array_equal(read_sheet(paged, {}).values, read_sheet(whole, {}).values)
     assert np.array_equal(numbers_of(paged), numbers_of(whole))
     line = next(k for k, text in enumerate(paged.read_text().splitlines(), 1) if "Axial Force" in text)
     assert np.array_equal(numbers_of(paged, header=line), numbers_of(whole))
@@ -72,7 +72,7 @@ def test_a_gap_or_a_jump_begins_a_new_record(tmp_path, column, step):
     path = written(tmp_path / "pages.txt", [one, two, three])
     assert [record.pages for record in records_in(path)] == [1, 2]
     names = [record.name for record in records_in(path)]
-    assert [len(look(path, {"record": name}).values) for name in names] == [250, 550]
+    assert [len(read_sheet(path, {"record": name}).values) for name in names] == [250, 550]
     assert len(numbers_of(path, record=names[1])) == 550
 
 

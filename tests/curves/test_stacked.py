@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from palpate_logs.csv_roles import look
+from palpate_logs.csv_roles import read_sheet
 from palpate_records.tables.table_records import records_in
 
 NAMES = "Time,Extension,Load"
@@ -30,7 +30,7 @@ def test_every_table_of_a_file_is_a_specimen(tmp_path, title):
     names = [record.name for record in records_in(path)]
     assert names == (["Specimen 1", "Specimen 2"] if "{}" in title else ["1", "2"])
     for name in names:
-        assert len(look(path, {"record": name}).values) == 300
+        assert len(read_sheet(path, {"record": name}).values) == 300
 
 
 def test_one_table_is_the_file(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_logs.csv_replay import CsvReplay
-from palpate_logs.csv_roles import look, suggest_csv
+from palpate_logs.csv_roles import read_sheet, suggest_csv
 from palpate_records import decompression
 from palpate_records.tables.array_files import array_tables
 from palpate_records.tables.array_table import MAX_NUMBERS, demand_readable_size, tables_of
@@ -44,7 +44,7 @@ def write_json(path, document):
     ids=["columns", "nested", "objects", "objects by name", "split", "by row"],
 )
 def test_columns_of_json_are_read_to_the_bit(tmp_path, document):
-    looked = look(write_json(tmp_path / "press.json", document), {})
+    looked = read_sheet(write_json(tmp_path / "press.json", document), {})
     assert looked.sheet.names == (*COLUMNS,)
     np.testing.assert_array_equal(looked.values, np.column_stack([*COLUMNS.values()]))
 
@@ -86,7 +86,7 @@ def test_a_result_of_palpate_is_no_table(tmp_path):
 
 
 def test_arrays_of_numpy_are_read_to_the_bit_and_single_values_are_facts(tmp_path):
-    looked = look(write_npz(tmp_path / "press.npz", **COLUMNS, rate=250.0), {})
+    looked = read_sheet(write_npz(tmp_path / "press.npz", **COLUMNS, rate=250.0), {})
     np.testing.assert_array_equal(looked.values, np.column_stack([*COLUMNS.values()]))
     assert [(fact.name, fact.value) for fact in looked.sheet.facts] == [("rate", "250.0")]
 
@@ -98,7 +98,7 @@ def test_missing_numbers_durations_and_truths_are_read(tmp_path):
         "force_N": FORCE,
         "contact": FORCE > 0.1,
     }
-    values = look(write_npz(tmp_path / "press.npz", **arrays), {}).values
+    values = read_sheet(write_npz(tmp_path / "press.npz", **arrays), {}).values
     np.testing.assert_allclose(values[:, 0], TIME)
     assert np.isnan(values[50, 1])
     np.testing.assert_array_equal(values[:, 3], FORCE > 0.1)
@@ -109,7 +109,7 @@ def test_groups_with_the_same_names_are_records(tmp_path):
     path = tmp_path / "gels.mat"
     savemat(path, {name.replace(" ", "_"): fields for name, fields in groups.items()})
     assert [record.name for record in records_in(path)] == ["gel_1", "gel_2"]
-    np.testing.assert_array_equal(look(path, {"record": "gel_2"}).values[:, 2], 2 * FORCE)
+    np.testing.assert_array_equal(read_sheet(path, {"record": "gel_2"}).values[:, 2], 2 * FORCE)
 
 
 def test_arrays_of_other_lengths_are_another_table(tmp_path):

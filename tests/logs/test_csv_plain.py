@@ -57,7 +57,7 @@ def test_both_ways_read_the_same(tmp_path, monkeypatch, name, delimiter):
     path = tmp_path / "log.csv"
     path.write_bytes(TEXTS[name].replace(",", delimiter).encode())
     found = read(path, delimiter)
-    monkeypatch.setattr(CsvLink, "_plain", lambda self, text: None)
+    monkeypatch.setattr(CsvLink, "_plain_numbers", lambda self, text: None)
     expected = read(path, delimiter)
     if isinstance(expected, str):
         assert found == expected
@@ -69,7 +69,7 @@ def test_both_ways_read_the_same(tmp_path, monkeypatch, name, delimiter):
 def test_plain_numbers_are_not_read_line_by_line(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     path.write_text("a,b,c\n" + LONG)
-    monkeypatch.setattr(CsvLink, "_by_line", None)
+    monkeypatch.setattr(CsvLink, "_blocks_by_line", None)
     assert len(read(path, ",")[0]) == 9000
 
 

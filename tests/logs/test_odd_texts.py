@@ -5,7 +5,7 @@ import pytest
 from palpate import LogError
 from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
 from palpate_logs.csv_replay import CsvReplay
-from palpate_logs.csv_roles import look
+from palpate_logs.csv_roles import read_sheet
 
 DEPTH = np.interp(np.arange(400.0), [0, 100, 300, 399], [-0.5, -0.5, 2.0, 2.0])
 ROWS = [f"{0.01 * i:.2f}\t{d:.5f}\t{np.maximum(d, 0) ** 1.5:.5f}\n" for i, d in enumerate(DEPTH)]
@@ -47,7 +47,7 @@ def test_a_text_without_rows_of_numbers_is_not_read(tmp_path):
 
 @pytest.mark.parametrize("divider", ["eoh", "----\t----\t----", "=" * 30, "[data]", "***End_of_Header***", "DATA"])
 def test_a_line_between_header_and_rows_takes_no_name(tmp_path, divider):
-    sheet = look(written(tmp_path / "press.txt", HEAD, f"{divider}\n", *ROWS), {}).sheet
+    sheet = read_sheet(written(tmp_path / "press.txt", HEAD, f"{divider}\n", *ROWS), {}).sheet
     assert sheet.names == ("Time [s]", "Travel [mm]", "Load [N]")
 
 
@@ -56,7 +56,7 @@ def test_lines_of_words_between_rows_are_passed_over_with_a_note(tmp_path):
         tmp_path / "press.txt", HEAD, *ROWS[:150], "EVENT hold\n", *ROWS[150:300], "EVENT end\n", *ROWS[300:]
     )
     assert "2 lines of words are passed over: 'EVENT hold'" in suggestion_of(path, {}).doubts
-    assert len(look(path, {}).values) == len(ROWS)
+    assert len(read_sheet(path, {}).values) == len(ROWS)
 
 
 def test_a_text_in_a_row_is_refused_with_its_line(tmp_path, palpate):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate_logs.csv_roles import look
+from palpate_logs.csv_roles import read_sheet
 from palpate_logs.role_rules import CLAIM_RULES, EXCLUSION_RULES, column_roles
 from palpate_logs.suggestion_rules import SUGGESTION_RULES
 from palpate_records.tables.csv_clock import TIME_RULES
@@ -42,7 +42,7 @@ def test_the_surest_rule_decides_whatever_the_order():
 def test_a_role_goes_to_the_columns_that_have_it_most_surely(tmp_path, head, roles):
     path = tmp_path / "press.csv"
     np.savetxt(path, np.random.default_rng(0).normal(size=(60, 4)), "%.4f", ",", header=head, comments="")
-    looked = look(path, {})
+    looked = read_sheet(path, {})
     assert column_roles(looked.sheet, looked.values) == roles
 
 

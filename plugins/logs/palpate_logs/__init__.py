@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, str]:
-    """Logs as devices."""
+    """Return the devices that read logs."""
     return {
         "afm-replay": "palpate_logs.afm_replay:AfmReplay",
         "csv-replay": "palpate_logs.csv_replay:CsvReplay",
@@ -26,24 +26,24 @@ def palpate_devices() -> dict[str, str]:
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
-    """Tables to write to."""
+    """Return the sink that writes a table."""
     return {"csv": "palpate_logs.csv_sink:CsvSink"}
 
 
 @plugin
 def palpate_templates() -> dict[str, Template]:
-    """What a pipeline needs besides a force curve."""
+    """Return the template of tip and model for a pipeline of a force curve."""
     return {"afm-analysis": Template("palpate_logs", "templates/afm_analysis.toml", "tip and model of a force curve")}
 
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Looking at logs."""
-    where = "palpate_logs.commands"
+    """Return the commands that look at, export and recover logs."""
+    package = "palpate_logs.commands"
     return {
-        "info": Command(f"{where}.info:info", "Show what a log contains, and suggest a pipeline for it.", "logs"),
-        "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
-        "log recover": Command(f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs"),
+        "info": Command(f"{package}.info:info", "Show what a log contains, and suggest a pipeline for it.", "logs"),
+        "log export": Command(f"{package}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
+        "log recover": Command(f"{package}.recover:recover", "The undamaged part of a log as a new log.", "logs"),
     }
 
 

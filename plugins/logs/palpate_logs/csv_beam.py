@@ -9,35 +9,47 @@ from palpate import Floats
 from palpate_kit.logs.role_guess import NumberColumn
 from palpate_records.messages.readings import LARGEST, si_unit
 
-_READINGS, _SPRING = 20, 1e-5  # readings; share of a force's variance that one constant leaves
+_MIN_READINGS = 20  # over which a correlation counts, a choice
+_MAX_RESIDUAL_SHARE = 1e-5  # of a force's variance that a line over the length leaves, a choice: a computed column
 
 
 def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
-    """Lengths of several over which the force is one constant from first to last: a beam or spring, and no position."""
-    forces, places = ([s for s in series if s.role == role] for role in ("force", "position"))
-    lengths = [s for s in series if s in places or (s.role == "other" and s.unit and si_unit(s.unit)[0] == "m")]
-    found = [s for s in lengths if any(_is_spring(s.values, force.values) for force in forces)]
-    return found if any(s not in found for s in places) else []
+    """Return the columns by which a beam or spring yields: lengths over which a force is one constant throughout.
+
+    Empty if no other length is left for the position.
+    """
+    forces = [column for column in series if column.role == "force"]
+    heights = [column for column in series if column.role == "position"]
+    lengths = [column for column in series if column in heights or (column.role == "other" and _is_length(column))]
+    bends = [length for length in lengths if any(_is_spring(length.values, force.values) for force in forces)]
+    return bends if any(height not in bends for height in heights) else []
+
+
+def _is_length(column: NumberColumn) -> bool:
+    """Return True for a column in a unit of length."""
+    return bool(column.unit) and si_unit(column.unit)[0] == "m"
 
 
 def _is_spring(length: Floats, force: Floats) -> bool:
-    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
-    x, y = length[known], force[known]
-    if len(x) < _READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
+    """Return True if a force (n,) is a straight line over a length (n,): 1 - r^2 of their correlation r is tiny."""
+    is_reading = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
+    x, y = length[is_reading], force[is_reading]
+    if len(x) < _MIN_READINGS or not float(np.ptp(x)) > 0.0 or not float(np.ptp(y)) > 0.0:
         return False
-    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _SPRING
+    return 1.0 - float(np.corrcoef(x, y)[0, 1]) ** 2 < _MAX_RESIDUAL_SHARE
 
 
-def stiffness_of(length: Floats, force: Floats) -> float:
-    """Return the size of the constant that is the force over a length, as recorded."""
-    known = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
-    return abs(float(np.polyfit(length[known], force[known], 1)[0]))
+def spring_constant(length: Floats, force: Floats) -> float:
+    """Return the magnitude of the slope of a force (n,) over a length (n,), as recorded."""
+    is_reading = (np.abs(length) < LARGEST) & (np.abs(force) < LARGEST)
+    return abs(float(np.polyfit(length[is_reading], force[is_reading], 1)[0]))
 
 
-def which_of_both(bent: NumberColumn, place: NumberColumn) -> str:
-    """What is asked about a length next to a deflection."""
-    name, stage = (one.label.removeprefix("column ") for one in (bent, place))
+def stage_question(deflection: NumberColumn, position: NumberColumn) -> str:
+    """Return the question of a position next to a deflection: is it that of the stage, or of the tip?"""
+    deflection_name = deflection.label.removeprefix("column ")
+    position_name = position.label.removeprefix("column ")
     return (
-        f"the force is one constant times {name}, which is what a beam or spring yields by: is {stage} that of "
-        "the stage behind it (stage), or of the tip, with that taken off already (tip)"
+        f"the force is one constant times {deflection_name}, which is what a beam or spring yields by: is "
+        f"{position_name} that of the stage behind it (stage), or of the tip, with that taken off already (tip)"
     )

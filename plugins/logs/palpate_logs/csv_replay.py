@@ -31,15 +31,17 @@ class CsvReplay(CsvSettings):
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The open file."""
+        """Open the file."""
         yield CsvLink(self)
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Return True for a file that is named like a table of numbers, and a file of any other ending that is one."""
+        """Return True for a file that is named like a table of numbers, and for one of another name that is a table."""
+        if not path.is_file():
+            return False
         name = path.name.lower()
-        if not path.is_file() or name.endswith(SUFFIXES):
-            return path.is_file()
+        if name.endswith(SUFFIXES):
+            return True
         return not name.startswith(".") and not name.endswith(NO_RECORDS) and _is_table(path)
 
     @classmethod

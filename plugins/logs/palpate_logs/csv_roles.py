@@ -1,4 +1,4 @@
-"""What a CSV file contains: which columns are time, force, position and velocity, in which units; a ready pipeline."""
+"""The columns of a CSV file that are time, force, position and velocity, with their units, and a pipeline for them."""
 
 from __future__ import annotations
 
@@ -24,77 +24,103 @@ from palpate_logs.role_rules import column_roles
 from palpate_logs.suggestion_rules import SUGGESTION_RULES
 from palpate_logs.table_draft import TableDraft
 
-_MAX_ROWS = 400_000  # that are looked into
-_MAX_NAMES = 6  # columns of another quantity that are named
-_USUAL_RATE = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
+_MAX_ROWS = 400_000  # by which roles and units are judged, a choice: memory, and the time of a suggestion
+_MAX_NAMES = 6  # columns that a message names, a choice: a line
+_USUAL_RATE = 500.0  # [Hz], a choice: by it the standstill at the beginning is looked for if no rate is known
 
 
 @dataclass(frozen=True)
-class SheetRoles:
-    """A file, looked into."""
+class SheetReading:
+    """A table with its numbers and the times of its rows."""
 
     sheet: Sheet
-    values: Floats
-    clock: TimeColumn | None
+    values: Floats  # (n, columns) as recorded
+    clock: TimeColumn | None  # of the same n rows; None without a time
 
     def series(self) -> list[NumberColumn]:
-        """Return every column but the time, with its role by its unit or name."""
+        """Return the columns that can be force or motion, with the roles that their units or names state.
+
+        The time, the parts of a stamp and a count of the rows are left out.
+        """
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
-        roles, stamps = column_roles(self.sheet, self.values), stamp_parts(self.sheet.names).values()
-        found: list[NumberColumn] = []
-        for k, role in enumerate(roles):
-            if (
-                role == "time"
-                or k in stamps
-                or (self.clock is not None and k == self.clock.column)
-                or _counts(self.values[:, k])
-            ):
-                continue
-            unit = self.sheet.unit(k)
-            why = f"in {unit}" if unit else "by its name" if role else ""
-            label = f"column {column_text(self.sheet.column(k))}"
-            key = ("", str(k))
-            found.append(NumberColumn(label, time, self.values[:, k], role, why, unit, key, self.sheet.header))
-        return found
+        time_columns = {*stamp_parts(self.sheet.names).values()}
+        if self.clock is not None and self.clock.column is not None:
+            time_columns.add(self.clock.column)
+        series: list[NumberColumn] = []
+        for index, role in enumerate(column_roles(self.sheet, self.values)):
+            if role != "time" and index not in time_columns and not _counts_rows(self.values[:, index]):
+                series.append(self._number_column(index, role, time))
+        return series
+
+    def _number_column(self, index: int, role: str | None, time: Floats) -> NumberColumn:
+        """Return a column at times (n,), with a role and the reason for that: its unit, else its name."""
+        unit = self.sheet.unit(index)
+        reason = ""
+        if unit:
+            reason = f"in {unit}"
+        elif role:
+            reason = "by its name"
+        return NumberColumn(
+            label=f"column {column_text(self.sheet.column(index))}",
+            time=time,
+            values=self.values[:, index],
+            role=role,
+            why=reason,
+            unit=unit,
+            key=("", str(index)),
+            named=self.sheet.header,
+        )
 
 
-def _counts(values: Floats) -> bool:
-    """Return True if a column merely counts the rows."""
+def _counts_rows(values: Floats) -> bool:
+    """Return True if a column (n,) of three rows or more grows by 1 from row to row."""
     return len(values) > 2 and bool((np.diff(values) == 1).all())
 
 
-def look(path: Path, choices: Mapping[str, str]) -> SheetRoles:
-    """Return a file with its numbers and its time; raises LogError."""
+def read_sheet(path: Path, choices: Mapping[str, str]) -> SheetReading:
+    """Return a table with its numbers and its time, by the choices of a person; raises LogError.
+
+    Rows without a time are left out.
+    """
     sheet = sheet_of(path, {key: choices[key] for key in (*KEYS, RECORD) if key in choices})
-    units = {key.removeprefix(UNITS): text for key, text in choices.items() if key.startswith(UNITS)}
-    sheet = replace(sheet, own_units=units) if units else sheet
+    chosen_units = {key.removeprefix(UNITS): unit for key, unit in choices.items() if key.startswith(UNITS)}
+    if chosen_units:
+        sheet = replace(sheet, own_units=chosen_units)
     values = together(sheet.blocks(), _MAX_ROWS)
     sheet = replace(sheet, own_units={**counts_of_header(sheet, values), **sheet.own_units})
-    taken = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
-    clock = clock_of(sheet, values, choices, taken)
-    if clock is not None and not (timed := np.isfinite(clock.seconds)).all():
-        return SheetRoles(sheet, values[timed], replace(clock, seconds=clock.seconds[timed]))
-    return SheetRoles(sheet, values, clock)
+    role_columns = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
+    clock = clock_of(sheet, values, choices, role_columns)
+    if clock is not None:
+        is_timed = np.isfinite(clock.seconds)
+        if not is_timed.all():
+            return SheetReading(sheet, values[is_timed], replace(clock, seconds=clock.seconds[is_timed]))
+    return SheetReading(sheet, values, clock)
 
 
 def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     """Return tables that read a file, as its rules state them.
 
-    Raises LogError where nothing in it can be a force or a position.
+    Raises LogError if nothing in it can be a force or a position.
     """
     draft = _draft(path, choices)
-    for state in SUGGESTION_RULES:
-        state(draft)
-    names = {role: f"log.{role}" for role in draft.roles.picks}
-    seconds = 1.0 if draft.clock is not None else 1.0 / (draft.rate or _USUAL_RATE)
-    suggestion = assemble_suggestion(draft.roles, draft.device, names, draft.factors, draft.words, seconds)
+    for add_statement in SUGGESTION_RULES:
+        add_statement(draft)
+    suggestion = assemble_suggestion(
+        draft.roles,
+        draft.device,
+        channels={role: f"log.{role}" for role in draft.roles.picks},
+        factors=draft.factors,
+        extra=draft.words,
+        seconds=1.0 if draft.clock is not None else 1.0 / (draft.rate or _USUAL_RATE),
+    )
     rivals = {**suggestion.rivals, **draft.rivals}
-    confirmed = [role for role in draft.unscaled if f"columns.{role}.scale" in choices]  # the question names the column
+    # A scale that a person states answers the question of its column, too: that names the column.
+    confirmed_roles = [role for role in draft.unscaled if f"columns.{role}.scale" in choices]
     return replace(
         suggestion,
         alignment={**suggestion.alignment, **draft.alignment},
         guesses={f"columns.{role}.unit": text for role, text in draft.unit_guesses.items()},
-        rivals={role: columns for role, columns in rivals.items() if role not in confirmed},
+        rivals={role: columns for role, columns in rivals.items() if role not in confirmed_roles},
         facts=tuple((fact.line, fact.name, fact.value) for fact in facts_worth_stating(draft.sheet.facts)),
         has_time=draft.clock is not None and "time" in draft.clock.setting,
         template=suggestion.template if draft.sweep_speed is None else SWEEP_ANALYSIS,
@@ -104,59 +130,90 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
 
 def _draft(path: Path, choices: Mapping[str, str]) -> TableDraft:
     """Return a file with the roles and units of its columns; raises LogError."""
-    known = [*ROLES, LATERAL, "time", "rate", RECORD, POSITION_OF, *KEYS]
-    for key in choices:
-        if key not in (*known, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
-            raise LogError(f"{path}: a table has no {key!r}{suggest(key, known)} (there are: {', '.join(known)})")
-    looked = look(path, choices)
-    sheet, clock = looked.sheet, looked.clock
+    _demand_known_keys(path, choices)
+    reading = read_sheet(path, choices)
+    sheet, clock = reading.sheet, reading.clock
     if clock is not None:
-        demand_progress(sheet, clock, looked.values)
-    series = looked.series()
-    chosen = {role: _chosen(sheet, looked.values, series, role, choices[role]) for role in ROLES if role in choices}
+        demand_progress(sheet, clock, reading.values)
+    series = reading.series()
+    chosen = {
+        role: _chosen_column(sheet, reading.values, series, role=role, text=choices[role])
+        for role in ROLES
+        if role in choices
+    }
+    # The deflection of a beam cannot be the position, unless a person says so.
     bends = deflections(series)
-    roles = find_roles([one for one in series if one not in bends or one in chosen.values()], chosen)
+    candidates = [column for column in series if column not in bends or column in chosen.values()]
+    roles = find_roles(candidates, chosen)
     if roles is None:
         raise LogError(f"{path}: {_missing_roles(sheet, series, chosen)}")
-    units, guesses = units_of(roles, sheet, clock is not None, tip_of(choices))
-    device = {"type": "csv-replay", "file": str(path)}
-    return TableDraft(path, choices, sheet, looked.values, clock, series, roles, bends, units, guesses, device)
+    units, unit_guesses = units_of(roles, sheet, has_time=clock is not None, tip=tip_of(choices))
+    return TableDraft(
+        path=path,
+        choices=choices,
+        sheet=sheet,
+        values=reading.values,
+        clock=clock,
+        series=series,
+        roles=roles,
+        bends=bends,
+        units=units,
+        unit_guesses=unit_guesses,
+        device={"type": "csv-replay", "file": str(path)},
+    )
+
+
+def _demand_known_keys(path: Path, choices: Mapping[str, str]) -> None:
+    """Raise LogError for a choice that a table does not have."""
+    keys = [*ROLES, LATERAL, "time", "rate", RECORD, POSITION_OF, *KEYS]
+    for key in choices:
+        if key not in (*keys, TIP, "file", "type") and not key.startswith(("columns.", UNITS)):
+            raise LogError(f"{path}: a table has no {key!r}{suggest(key, keys)} (there are: {', '.join(keys)})")
 
 
 def _missing_roles(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> str:
-    """Return which of force and position no column can be, and which columns are another quantity or constant."""
-    roles = {*chosen, *(one.role for one in series if does_move(one))}
+    """Return the message on force and position, of which no column can be one: the options, and excluded columns."""
+    roles = {*chosen, *(column.role for column in series if does_move(column))}
     missing = [role for role in ("force", "position") if not roles & {role, None}] or ["force", "position"]
+    constant = [column.key[1] for column in series if column.role in missing and not does_move(column)]
     excluded = {
         "by name or unit an angle, a torque or another quantity": _other_quantities(sheet, series, chosen),
-        "the same number in every row": [one.key[1] for one in series if one.role in missing and not does_move(one)],
+        "the same number in every row": constant,
     }
-    about = "".join(f"; {why}: {_names(sheet, columns)}" for why, columns in excluded.items() if columns)
+    excluded_text = "".join(f"; {why}: {_names(sheet, columns)}" for why, columns in excluded.items() if columns)
+    problem = "no two columns can be force and position"
+    if len(missing) == 1:
+        problem = f"no column can be the {missing[0]}"
     options = ", ".join(f"--{role}" for role in missing)
-    words = f"no column can be the {missing[0]}" if len(missing) == 1 else "no two columns can be force and position"
-    return f"{words}; choose with {options} (there are: {sheet.columns}){about}"
+    return f"{problem}; choose with {options} (there are: {sheet.columns}){excluded_text}"
 
 
 def _other_quantities(sheet: Sheet, series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> list[str]:
     """Return the columns, by number, whose name or unit states another quantity than force, height and velocity."""
-    taken = {one.key for one in chosen.values()}
-    others = [one.key[1] for one in series if one.role == "other" and one.key not in taken]
+    chosen_keys = {column.key for column in chosen.values()}
+    others = [column.key[1] for column in series if column.role == "other" and column.key not in chosen_keys]
     return [k for k in others if sheet.unit(int(k)) is not None or role_by_words(sheet.names[int(k)]) == "other"]
 
 
 def _names(sheet: Sheet, columns: Sequence[str]) -> str:
     """Return the names of columns, not more than a line can hold."""
-    shown = ", ".join(column_text(sheet.names[int(k)]) for k in columns[:_MAX_NAMES])
-    return shown + (", ..." if len(columns) > _MAX_NAMES else "")
+    names = ", ".join(column_text(sheet.names[int(k)]) for k in columns[:_MAX_NAMES])
+    return names + (", ..." if len(columns) > _MAX_NAMES else "")
 
 
-def _chosen(sheet: Sheet, values: Floats, series: Sequence[NumberColumn], role: str, text: str) -> NumberColumn:
-    """Return the column that a person states for a role; raises LogError where it holds no course of numbers."""
-    k = sheet.index_of(role, text.removeprefix(":"))
-    sheet.demand_numbers(role, k, values[:, k])
-    if role != "velocity" and np.ptp(values[np.isfinite(values[:, k]), k]) == 0.0:
+def _chosen_column(
+    sheet: Sheet, values: Floats, series: Sequence[NumberColumn], *, role: str, text: str
+) -> NumberColumn:
+    """Return the column that a person states for a role by a text, its name or number.
+
+    `values` (n, columns) are the numbers of the sheet. Raises LogError for too few or constant numbers, and for a time.
+    """
+    index = sheet.index_of(role, text.removeprefix(":"))
+    column_values = values[:, index]
+    sheet.demand_numbers(role, index, column_values)
+    if role != "velocity" and np.ptp(column_values[np.isfinite(column_values)]) == 0.0:
         raise LogError(f"{sheet.path}: --{role}: column {column_text(text)} has the same number in every row")
-    for mine in series:
-        if mine.key[1] == str(k):
-            return replace(mine, role=role, why="chosen")
+    for column in series:
+        if column.key[1] == str(index):
+            return replace(column, role=role, why="chosen")
     raise LogError(f"{sheet.path}: --{role}: column {column_text(text)} is the time, or counts the rows")

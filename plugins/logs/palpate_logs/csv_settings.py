@@ -1,4 +1,4 @@
-"""The keys of a CSV log: which columns there are, and how its numbers are written."""
+"""The keys of a CSV log: its columns, and the form in which its numbers are written."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class TimeOfRows(Column):
 
 @dataclass
 class Tally:
-    """What was left out of a file."""
+    """The rows, cells and lines of a file that are not read as readings."""
 
-    timeless: int = 0  # rows
-    overload: int = 0  # readings that the instrument could not make
-    footer: list[list[str]] = field(default_factory=list)  # cells of lines below the readings
-    held: dict[str, int] = field(default_factory=dict)  # rows for which a reading stands, of channels that repeat it
-    events: list[str] = field(default_factory=list)  # lines of words between them
-    cut: str | None = None  # the last number, where the file ends within it
+    timeless: int = 0  # rows without a finite time
+    overload: int = 0  # cells with a mark of the instrument's overload
+    footer: list[list[str]] = field(default_factory=list)  # cells of the lines below the readings
+    held: dict[str, int] = field(default_factory=dict)  # by channel that repeats its readings: rows per reading
+    events: list[str] = field(default_factory=list)  # lines of words between the readings
+    cut: str | None = None  # the last number, if the file ends within it
 
 
 class CsvSettings(Recording):
@@ -89,32 +89,33 @@ class CsvSettings(Recording):
     end: Time | None = Field(default=None, gt=0, description="leave out what was recorded later")
 
     @model_validator(mode="after")
-    def _one_source_of_time(self) -> Self:
+    def _validate_keys(self) -> Self:
+        """Raise ValueError for keys that contradict each other, an unknown unit and an unknown encoding."""
         if (self.rate is None) == (self.time is None):
             raise ValueError('give either rate = "500 Hz" or time = { column = 0, unit = "s" }')
         if self.time is not None and self.time.unit != CLOCK:
-            to_si(f"1 {self.time.unit}", "s")
+            to_si(f"1 {self.time.unit}", "s")  # raises ValueError for a unit of another quantity
         if self.decimal == self.thousands:
             raise ValueError(f"thousands = {self.thousands!r} is the mark before the decimals")
         if self.encoding is not None:
-            _known_encoding(self.encoding)
+            _demand_encoding(self.encoding)
         for column in self.columns.values():
-            si_unit(column.unit)
+            si_unit(column.unit)  # raises ValueError for an unknown unit
         return self
 
     @property
     def dialect(self) -> Dialect:
-        """How the file is written."""
+        """The dialect of the file: separator, marks of numbers and comments."""
         return Dialect(self.delimiter, self.decimal, self.thousands, self.comment)
 
     @property
     def written(self) -> dict[str, str]:
-        """What is stated of how the file is written, as texts."""
+        """The stated keys on the form of the file, as texts."""
         return {key: str(value) for key in KEYS if (value := getattr(self, key)) is not None}
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """One stream without a name: channels are addressed as ``device.channel``."""
+        """The only stream, which has no name: its channels are addressed as ``device.channel``."""
         regular(self.file)
         channels = tuple(Channel(name, si_unit(column.unit)[0]) for name, column in self.columns.items())
         return (Stream("", channels, self.rate, clock="file"),)
@@ -122,27 +123,28 @@ class CsvSettings(Recording):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Rows without a time, readings that are missing, words between and below the rows, a last row that was cut."""
-        tally, found = self.tally, []
+        tally = self.tally
+        warnings: list[str] = []
         if tally.timeless:
-            found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
+            warnings.append(f"{tally.timeless} rows have no finite time, and were left out")
         if tally.overload:
-            found.append(f"{self.file.name}: {tally.overload} cells hold a mark of overload, and no reading")
+            warnings.append(f"{tally.overload} cells hold a mark of overload, and no reading")
         if tally.events:
-            found.append(f"{self.file.name}: {event_words(tally.events)}")
+            warnings.append(event_words(tally.events))
         if tally.footer:
-            found.append(f"{self.file.name}: {footer_words(tally.footer)}")
-        for name, rows in tally.held.items():
-            found.append(f"{self.file.name}: {name} has a new reading in every {rows} rows; its repeats were left out")
+            warnings.append(footer_words(tally.footer))
+        for channel, rows in tally.held.items():
+            warnings.append(f"{channel} has a new reading in every {rows} rows; its repeats were left out")
         if tally.cut is not None:
-            found.append(
-                f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
+            warnings.append(
+                f"the last line has no end, and its last number, {tally.cut}, fewer digits than all "
                 "above: it was cut and is left out"
             )
-        return tuple(found)
+        return tuple(f"{self.file.name}: {warning}" for warning in warnings)
 
     @cached_property
     def tally(self) -> Tally:
-        """What is counted while the file is read."""
+        """The counts of what is left out, made while the file is read."""
         return Tally()
 
     @property
@@ -151,10 +153,10 @@ class CsvSettings(Recording):
         return file_facts(self.file, [self.file])
 
 
-def _known_encoding(name: str) -> None:
-    """Raise ValueError for an encoding that there is not."""
+def _demand_encoding(name: str) -> None:
+    """Raise ValueError for the name of an encoding that Python does not know; the message has the nearest name."""
     try:
         codecs.lookup(name)
     except LookupError as error:
-        known = sorted({alias.replace("_", "-") for alias in aliases.values()})
-        raise ValueError(f"encoding = {name!r}: no such encoding{suggest(name, known)}") from error
+        encodings = sorted({alias.replace("_", "-") for alias in aliases.values()})
+        raise ValueError(f"encoding = {name!r}: no such encoding{suggest(name, encodings)}") from error

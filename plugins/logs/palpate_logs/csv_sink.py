@@ -20,7 +20,7 @@ class CsvSink(Sink):
 
     @contextmanager
     def open(self, run: Run) -> Iterator[Writer]:
-        """A writer of the samples; raises OutputError where the file cannot be made."""
+        """Open a writer of the samples; raises OutputError if the file cannot be written."""
         path = run.folder / self.file
         try:
             with path.open("x", newline="", encoding="utf-8") as file:
@@ -30,18 +30,20 @@ class CsvSink(Sink):
 
 
 class _SampleRows:
+    """A writer of one row for each sample, below a line of names and units."""
+
     def __init__(self, file: Any) -> None:
         self._rows = csv.writer(file, lineterminator="\n")
         self._rows.writerow(_HEADER)
 
     def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not written."""
+        """Write nothing: raw readings are in the log of the run."""
 
     def samples(self, samples: Samples) -> None:
-        """One row for each sample."""
+        """Write a row for each sample."""
         columns = (samples.time, samples.force, samples.position, samples.velocity)
         marks = (samples.contact.astype(int), samples.active.astype(int))
         self._rows.writerows(zip(*(column.tolist() for column in (*columns, *marks)), strict=True))
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Estimates are not written: the run folder has them in estimates.csv."""
+        """Write nothing: the run folder has the estimates in estimates.csv."""

@@ -1,11 +1,13 @@
-"""The contents of a table: its rows, their rate, and what its columns may be."""
+"""The contents of a table: its rows, their rate, and the likely roles of its columns."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Batch, LogError
 from palpate_kit.logs.suggestion import find_roles
 from palpate_records.field_statistics import FieldStatistics
@@ -13,78 +15,99 @@ from palpate_records.messages.readings import LATEST, SECOND, nanoseconds, si_un
 from palpate_records.recording import Survey, TopicSurvey
 from palpate_records.tables.clock_times import CLOCK
 from palpate_records.tables.csv_layout import facts_worth_stating
+from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.table_records import records_note
 
-from palpate_logs.csv_roles import look
+from palpate_logs.csv_roles import read_sheet
 
-_PAUSE = 10.0  # usual intervals that make a gap
+_GAP_RATIO = 10.0  # of an interval to the usual one, from which on it is a gap: that of any survey
 
 
 def survey_csv(path: Path) -> Survey:
-    """What a CSV file contains: its rows, their rate, and what its columns may be."""
-    looked = look(path, {})
-    sheet, clock = looked.sheet, looked.clock
-    found = find_roles(looked.series(), {})
-    may = {int(p.series.key[1]): role for role, p in found.picks.items()} if found else {}
-    may |= {clock.column: "time"} if clock and clock.column is not None else {}
-    columns = []
-    gathered = FieldStatistics([f"{name}{f' ({may[k]}?)' if k in may else ''}" for k, name in enumerate(sheet.names)])
-    rows = 0
+    """Return the contents of a CSV file: its rows, their rate, and the likely roles of its columns."""
+    reading = read_sheet(path, {})
+    sheet, clock = reading.sheet, reading.clock
+    guess = find_roles(reading.series(), {})
+    roles = {int(pick.series.key[1]): role for role, pick in guess.picks.items()} if guess else {}
+    if clock is not None and clock.column is not None:
+        roles[clock.column] = "time"
+    labels = [f"{name} ({roles[index]}?)" if index in roles else name for index, name in enumerate(sheet.names)]
+    statistics = FieldStatistics(labels)
+    row_count = 0
     for block in sheet.blocks():
-        rows += len(block)
-        gathered.add(block)
-    columns = list(gathered.names)
-    header, between = "a header" if sheet.header else "no header", repr(sheet.dialect.delimiter)
-    kind = f"{len(sheet.names)} columns, {header}, {between} between"
-    notes: tuple[str, ...] = (
-        () if clock else ("no column is the time: give the rate, --rate '500 Hz', or the column, --time",)
-    )
-    if (cut := cut_number(path, sheet.dialect.delimiter, sheet.dialect.decimal)) is not None:
-        notes += (
-            f"the file was cut within its last number, {cut}: its line has no end, all numbers above have more digits",
-        )
-    notes += (note,) if (note := records_note(path, {})) is not None else ()
-    notes += tuple(f"line {fact.line}: {fact.name}: {fact.value}" for fact in facts_worth_stating(sheet.facts))
-    if clock is None:
-        numbers = gathered.surveys()
-        topic = TopicSurvey(path.name, kind, "csv", rows, 0, 0, fields=tuple(columns), numbers=numbers)
-        return Survey(path, "CSV", (topic,), notes)
-    stamps = nanoseconds(clock.seconds[np.abs(clock.seconds) < LATEST])
-    steps = np.diff(np.sort(stamps)).astype(np.float64) / SECOND
-    low, usual, high = (float(p) for p in np.percentile(steps, (1, 50, 99))) if len(steps) else (0.0, 0.0, 0.0)
+        row_count += len(block)
+        statistics.add(block)
+    header = "a header" if sheet.header else "no header"
     topic = TopicSurvey(
         path.name,
-        kind,
-        "csv",
-        rows,
-        int(stamps.min()),
-        int(stamps.max()),
-        (low, usual, high),
-        int(np.count_nonzero(steps > _PAUSE * usual)),
-        float(steps.max(initial=0.0)),
-        None,
-        tuple(columns),
-        gathered.surveys(),
+        type=f"{len(sheet.names)} columns, {header}, {sheet.dialect.delimiter!r} between",
+        encoding="csv",
+        messages=row_count,
+        first=0,
+        last=0,
+        fields=statistics.names,
     )
-    return Survey(path, "CSV", (topic,), notes)
+    notes = _notes(path, sheet, has_time=clock is not None)
+    if clock is not None:
+        topic = _with_times(topic, nanoseconds(clock.seconds[np.abs(clock.seconds) < LATEST]))
+    return Survey(path, "CSV", (replace(topic, numbers=statistics.surveys()),), notes)
+
+
+def _notes(path: Path, sheet: Sheet, has_time: bool) -> tuple[str, ...]:
+    """Return sentences on a time that is missing, a cut file, other records in it, and facts above the numbers."""
+    notes: list[str] = []
+    if not has_time:
+        notes.append("no column is the time: give the rate, --rate '500 Hz', or the column, --time")
+    cut = cut_number(path, sheet.dialect.delimiter, sheet.dialect.decimal)
+    if cut is not None:
+        notes.append(
+            f"the file was cut within its last number, {cut}: its line has no end, all numbers above have more digits"
+        )
+    other_records = records_note(path, {})
+    if other_records is not None:
+        notes.append(other_records)
+    notes += (f"line {fact.line}: {fact.name}: {fact.value}" for fact in facts_worth_stating(sheet.facts))
+    return tuple(notes)
+
+
+def _with_times(topic: TopicSurvey, stamps: NDArray[np.int64]) -> TopicSurvey:
+    """Return a topic with the span, intervals and gaps of its time-stamps (n,) [ns]."""
+    intervals = np.diff(np.sort(stamps)).astype(np.float64) / SECOND
+    low, median, high = 0.0, 0.0, 0.0
+    if len(intervals):
+        low, median, high = np.percentile(intervals, (1, 50, 99)).tolist()
+    return replace(
+        topic,
+        first=int(stamps.min()),
+        last=int(stamps.max()),
+        interval=(low, median, high),
+        gaps=int(np.count_nonzero(intervals > _GAP_RATIO * median)),
+        longest=float(intervals.max(initial=0.0)),
+    )
 
 
 def tables_csv(path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Yield every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
-    looked = look(path, {})
-    sheet, clock = looked.sheet, looked.clock
+    """Yield the name of the table, those of its columns, and its rows that have a time, in blocks, as recorded.
+
+    The number of rows without a time is added to the notes. Raises LogError if no column is the time.
+    """
+    reading = read_sheet(path, {})
+    sheet, clock = reading.sheet, reading.clock
     if clock is None or clock.column is None:
         raise LogError(f"{path}: no column is the time (there are: {sheet.columns})")
-    unit = CLOCK if clock.column in sheet.layout.clocks else sheet.unit(clock.column) or "s"
-    unit = str(clock.setting["time"]["unit"]) if "time" in clock.setting else unit
-    scale = 1.0 if unit == CLOCK else si_unit(unit)[1]
-    untimed = 0
+    unit = sheet.unit(clock.column) or "s"
+    if "time" in clock.setting:
+        unit = str(clock.setting["time"]["unit"])
+    elif clock.column in sheet.layout.clocks:
+        unit = CLOCK
+    scale = 1.0 if unit == CLOCK else si_unit(unit)[1]  # a time of day is read in seconds
+    untimed_count = 0
     for block in sheet.blocks():
-        with np.errstate(invalid="ignore", over="ignore"):
-            rows = np.abs(block[:, clock.column] * scale) < LATEST
-        untimed += int(np.count_nonzero(~rows))
-        stamps = nanoseconds(block[rows, clock.column] * scale)
-        yield path.name, sheet.names, Batch(path.name, stamps, stamps, block[rows])
-    if untimed and notes is not None:
-        notes.append(f"{untimed} rows have no finite time, and were left out")
+        with np.errstate(invalid="ignore", over="ignore"):  # a time that is not finite, or too large to be one
+            is_timed = np.abs(block[:, clock.column] * scale) < LATEST
+        untimed_count += int(np.count_nonzero(~is_timed))
+        stamps = nanoseconds(block[is_timed, clock.column] * scale)
+        yield path.name, sheet.names, Batch(path.name, stamps, stamps, block[is_timed])
+    if untimed_count and notes is not None:
+        notes.append(f"{untimed_count} rows have no finite time, and were left out")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 import numpy as np
 from palpate import Floats, Indenter
@@ -15,91 +16,117 @@ from palpate_records.tables.csv_names import is_unit, plain_unit, stated_role, w
 from palpate_records.tables.csv_sheet import Sheet
 
 DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
-_SCALED = {"force": "N", "position": "mm", "velocity": "mm/s"}  # what volts and counts are scaled to
+_SCALED_UNITS = {"force": "N", "position": "mm", "velocity": "mm/s"}  # that the scale of volts and counts leads to
 _COUNTS_PER_FORCE = re.compile(r"counts? ?(?:per|/) ?(?:unit )?(?:force|n|newton)|cpf")
-_MIN_COUNTS = 1000.0  # a force or height in whole units goes less far; the coarsest converter, of 10 bits, has 1024
 _FORCE_UNIT = re.compile(r"(?:force unit|unit of force|unit force)s?")
-_LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
+_MIN_COUNT_RANGE = 1000.0  # a force or height in whole units goes less far; a converter of 10 bits has 1024 (0610)
+_SPEED_UNITS = ("m/s", "mm/s", "um/s", "cm/s")
+_SLOPE_TOLERANCE = 0.25  # relative, of a velocity to the slope of its position; a choice, units are ten times apart
 
 
 def units_of(
-    found: RoleGuess, sheet: Sheet, clocked: bool, tip: Indenter | None = None
+    guess: RoleGuess, sheet: Sheet, *, has_time: bool, tip: Indenter | None = None
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Units by role from the header, else the likeliest under a tip; and what is said of those.
+    """Return the unit of each role, and for each unit that is a guess a sentence on that.
 
-    `clocked`: its time is known.
+    A unit is that which the header or a person states; of volts and counts that which a scale leads to; of a load in
+    a unit of mass that of its weight; else the likeliest by the range of the numbers, under a tip.
     """
-    picks = found.picks
+    picks = guess.picks
     columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}
-    units = {r: u for r, k in columns.items() if (u := sheet.unit(k)) and DIMENSIONS.get(si_unit(u)[0]) == r}
-    guesses: dict[str, str] = {}
-    spans = {r: span_of(p.series.values) for r, p in picks.items()}
+    spans = {role: span_of(pick.series.values) for role, pick in picks.items()}
+    units = _stated_units(sheet, columns)
+    unit_guesses: dict[str, str] = {}
     for role, pick in picks.items():
         if role not in units and needs_scale(sheet, pick, role):
-            units[role] = _SCALED[role]
-    weight = weight_of(sheet.written_unit(columns["force"]))
-    if weight and "force" not in units:
-        units["force"] = weight
-        written = sheet.written_unit(columns["force"])
-        guesses["force"] = f"unit of the force: {weight} is a guess: a load in {written} is taken for its weight"
+            units[role] = _SCALED_UNITS[role]
+    written_unit = sheet.written_unit(columns["force"])
+    weight_unit = weight_of(written_unit)
+    if weight_unit and "force" not in units:
+        units["force"] = weight_unit
+        unit_guesses["force"] = (
+            f"unit of the force: {weight_unit} is a guess: a load in {written_unit} is taken for its weight"
+        )
     if "position" not in units:
         units["position"] = length_unit(spans["position"], tip)
-        guesses["position"] = (
+        unit_guesses["position"] = (
             f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}"
         )
-    way = spans["position"] * si_unit(units["position"])[1] * sheet.scale(columns["position"])
     if "force" not in units:
-        units["force"], elasticity = force_unit(spans["force"], way, tip)
-        by = "the tip" if tip is not None else "a tip of 5 mm"
-        guesses["force"] = (
-            f"unit of the force: {units['force']} is a guess: {by} would then measure some {elasticity / 1e3:.3g} kPa"
+        travel = spans["position"] * si_unit(units["position"])[1] * sheet.scale(columns["position"])  # [m]
+        units["force"], elasticity = force_unit(spans["force"], travel, tip)
+        tip_name = "the tip" if tip is not None else "a tip of 5 mm"
+        unit_guesses["force"] = (
+            f"unit of the force: {units['force']} is a guess: {tip_name} would then measure some "
+            f"{elasticity / 1e3:.3g} kPa"
         )
     if "velocity" in picks and "velocity" not in units:
-        units["velocity"], guesses["velocity"] = _speed_unit(found, units["position"], clocked)
-    return units, guesses
+        units["velocity"], unit_guesses["velocity"] = _guess_speed_unit(guess, units["position"], has_time)
+    return units, unit_guesses
+
+
+def _stated_units(sheet: Sheet, columns: Mapping[str, int]) -> dict[str, str]:
+    """Return the units of columns, by role, which the header or a person states, if they are of the role's kind."""
+    units: dict[str, str] = {}
+    for role, column in columns.items():
+        unit = sheet.unit(column)
+        if unit and DIMENSIONS.get(si_unit(unit)[0]) == role:
+            units[role] = unit
+    return units
 
 
 def counts_of_header(sheet: Sheet, values: Floats) -> dict[str, str]:
-    """Return the units of forces that a file has in counts, by column, as "1e-06 N"; by a line as Counts per Force."""
+    """Return the force of one count, as "1e-06 N", for each column of forces in counts, by name.
+
+    A line above the names states it, such as "Counts per Force: 1000000". `values` (n, columns) are the numbers of the
+    sheet; forces that are not whole numbers are in the unit already.
+    """
     stated = {fact.name.strip().lower(): fact.value for fact in sheet.facts}
     counts = next((number_or_nan(stated[name]) for name in stated if _COUNTS_PER_FORCE.fullmatch(name)), float("nan"))
     unit = next((plain_unit(stated[name]) for name in stated if _FORCE_UNIT.fullmatch(name)), "N")
     if not counts > 0.0 or not is_unit(unit):
         return {}
-    forces = [k for k, name in enumerate(sheet.names) if stated_role(name) == "force"]
-    whole = [k for k in forces if not (values[np.isfinite(values[:, k]), k] % 1.0).any()]
-    return {sheet.names[k]: f"{1.0 / counts:.10g} {unit}" for k in whole}
+    units: dict[str, str] = {}
+    for column, name in enumerate(sheet.names):
+        numbers = values[np.isfinite(values[:, column]), column]
+        if stated_role(name) == "force" and not (numbers % 1.0).any():
+            units[name] = f"{1.0 / counts:.10g} {unit}"
+    return units
 
 
 def needs_scale(sheet: Sheet, pick: Pick, role: str) -> bool:
-    """Return True if only a person knows how much one of a column is: a reading, or a unit or name of another kind."""
-    k = int(pick.series.key[1])
-    if sheet.needs_scale(k):
+    """Return True if only a person knows how much one number of a role's column is.
+
+    The column is in volts or counts, or its unit or name is that of another quantity.
+    """
+    column = int(pick.series.key[1])
+    if sheet.needs_scale(column):
         return True
-    if (unit := sheet.unit(k)) is not None:
+    unit = sheet.unit(column)
+    if unit is not None:
         return DIMENSIONS.get(si_unit(unit)[0]) != role
-    if weight_of(sheet.written_unit(k)) is not None:
+    if weight_of(sheet.written_unit(column)) is not None:
         return False
-    named = stated_role(sheet.names[k]) if sheet.header else None
-    return named not in (None, role) or are_counts(pick.series.values)
+    name_role = stated_role(sheet.names[column]) if sheet.header else None
+    return name_role not in (None, role) or are_counts(pick.series.values)
 
 
 def are_counts(values: Floats) -> bool:
     """Return True for whole numbers (n,) of a range that a converter, an encoder or the steps of a motor have."""
     finite = values[np.isfinite(values)]
-    return not (finite % 1.0).any() and float(np.ptp(finite)) > _MIN_COUNTS
+    return not (finite % 1.0).any() and float(np.ptp(finite)) > _MIN_COUNT_RANGE
 
 
-def _speed_unit(found: RoleGuess, length: str, clocked: bool) -> tuple[str, str]:
-    """Return the unit in which a velocity is the slope of the position."""
-    if not clocked or not found.gain:
+def _guess_speed_unit(guess: RoleGuess, length: str, has_time: bool) -> tuple[str, str]:
+    """Return the unit in which the velocity is nearest to the slope of the position, and a sentence on that guess.
+
+    `length` is the unit of the position; without a time or a slope, the unit is that length per second.
+    """
+    if not has_time or not guess.gain:
         return f"{length}/s", f"unit of the velocity: {length}/s is a guess, like that of the position"
-    ratios = {unit: abs(found.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in ("m/s", "mm/s", "um/s", "cm/s")}
-    unit = min(ratios, key=lambda u: abs(np.log(ratios[u])))
-    fits = abs(ratios[unit] - 1.0) < _LIKE
-    by = (
-        "with which it is the slope of the position"
-        if fits
-        else f"though it is {ratios[unit]:.2f} times the position's slope"
-    )
-    return unit, f"unit of the velocity: {unit} is a guess, {by}"
+    ratios = {unit: abs(guess.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in _SPEED_UNITS}
+    unit = min(ratios, key=lambda candidate: abs(np.log(ratios[candidate])))
+    reason = f"though it is {ratios[unit]:.2f} times the position's slope"
+    if abs(ratios[unit] - 1.0) < _SLOPE_TOLERANCE:
+        reason = "with which it is the slope of the position"
+    return unit, f"unit of the velocity: {unit} is a guess, {reason}"

@@ -1,4 +1,4 @@
-"""Rules for what a column of a table is: a force, a height, a velocity, the time, or another quantity."""
+"""Rules for the role of a column of a table: a force, a height, a velocity, the time, or another quantity."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from palpate_records.tables.rules import Sureness, rule
 from palpate_logs.csv_pose import sideways_forces, turning_elements
 from palpate_logs.csv_units import DIMENSIONS
 
-OTHER = "other"  # what a column is that is certainly no force, height or velocity
-Claims = Sequence[str | None]  # by column
+OTHER = "other"  # the role of a column that is certainly no force, height or velocity
+Claims = Sequence[str | None]  # roles by column; None if a rule does not say
 
 
 @dataclass(frozen=True)
 class TableColumns:
-    """The columns of a table, and what is known of them."""
+    """The columns of a table, and the roles that the rules before gave them."""
 
     sheet: Sheet
     values: Floats  # (n, columns)
-    roles: Claims = ()  # by the rules that came before
+    roles: Claims = ()
 
     @property
     def names(self) -> Sequence[str]:
-        """The names."""
+        """The names of the columns."""
         return self.sheet.names
 
     @cached_property
     def role_of_units(self) -> Claims:
-        """The roles that the units state; None without a unit."""
+        """The roles that the units state, `OTHER` for a unit of another quantity; None without a unit."""
         units = [self.sheet.unit(k) for k in range(len(self.names))]
         return [DIMENSIONS.get(si_unit(unit)[0], OTHER) if unit else None for unit in units]
 
@@ -53,13 +53,12 @@ class TableColumns:
 @rule("words of a name next to the unit", "another quantity, as a gripper's width", Sureness.STATED)
 def name_of_another_quantity(columns: TableColumns) -> Claims:
     """Return `OTHER` where a word excludes the role that the unit states."""
-    return [
-        OTHER
-        if (is_another_quantity(name) and role != "force")
-        or (role in ("force", "position") and contradicts(name, role))
-        else None
-        for name, role in zip(columns.names, columns.role_of_units, strict=True)
-    ]
+    claims: list[str | None] = []
+    for name, unit_role in zip(columns.names, columns.role_of_units, strict=True):
+        is_other = unit_role != "force" and is_another_quantity(name)
+        is_contradicted = unit_role in ("force", "position") and contradicts(name, unit_role)
+        claims.append(OTHER if is_other or is_contradicted else None)
+    return claims
 
 
 @rule("the unit", "force, height, velocity or another quantity", Sureness.STATED)
@@ -89,29 +88,29 @@ def symbol_of_quantity(columns: TableColumns) -> Claims:
 
 @rule("a depth among heights", "the other heights, which the depth resembles, and a depth of zeros", Sureness.WORD)
 def heights_next_to_depth(columns: TableColumns) -> Collection[int]:
-    """Return the heights next to a depth; a depth of zeros is of an instrument that works it out later, if at all."""
-    heights = [k for k, role in enumerate(columns.roles) if role == "position"]
-    depths = [
-        k
-        for k in heights
-        if is_depth(columns.names[k]) and float(np.nanmax(np.abs(columns.values[:, k]), initial=0)) > 0.0
-    ]
-    return {*heights} - {*depths} if depths else ()
+    """Return the heights next to a depth.
+
+    A depth of zeros does not count: its instrument works it out later, if at all.
+    """
+    heights = {column for column, role in enumerate(columns.roles) if role == "position"}
+    named_depths = [column for column in heights if is_depth(columns.names[column])]
+    depths = {column for column in named_depths if float(np.nanmax(np.abs(columns.values[:, column]), initial=0)) > 0.0}
+    return heights - depths if depths else ()
 
 
 @rule("words such as std", "the scatter of a force next to the force, in whose unit it is", Sureness.WORD)
 def scatter_of_force(columns: TableColumns) -> Collection[int]:
     """Return the columns of scatter, unless no other column is a force, as a microscope's deflection error alone."""
-    scatter = {k for k, name in enumerate(columns.names) if is_spread(name)}
-    forces = {k for k, role in enumerate(columns.roles) if role == "force"}
+    scatter = {column for column, name in enumerate(columns.names) if is_spread(name)}
+    forces = {column for column, role in enumerate(columns.roles) if role == "force"}
     return scatter if forces - scatter else ()
 
 
 @rule("words such as retract", "columns of the way back, next to those of the way in", Sureness.WORD)
 def columns_of_retraction(columns: TableColumns) -> Collection[int]:
-    """Return the columns of the way back, unless all are."""
-    back = [k for k, name in enumerate(columns.names) if is_of_retraction(name)]
-    return back if len(back) < len(columns.names) else ()
+    """Return the columns of the retraction, unless all columns are."""
+    retraction = [column for column, name in enumerate(columns.names) if is_of_retraction(name)]
+    return retraction if len(retraction) < len(columns.names) else ()
 
 
 @rule("three axes of a force", "the two axes that change less", Sureness.GUESS)
@@ -137,16 +136,19 @@ EXCLUSION_RULES = (
 
 
 def column_roles(sheet: Sheet, values: Floats) -> list[str | None]:
-    """Return what each column is by the surest rule; a role that a column has more surely goes to no other."""
+    """Return the role of each column, by its unit, name and symbol; None if nothing states one.
+
+    The surest rule counts. A role that a surer rule gave to any column is not given again. Exclusions come last.
+    """
     columns = TableColumns(sheet, values)
     roles: list[str | None] = [None] * len(sheet.names)
     for sureness in sorted(Sureness, reverse=True):
         assigned = {*roles} - {OTHER}
         for claim_rule in CLAIM_RULES:
             if claim_rule.sureness == sureness:
-                claims = claim_rule(columns)
-                roles = [role or (None if claim in assigned else claim) for role, claim in zip(roles, claims)]
+                new_claims = [None if claim in assigned else claim for claim in claim_rule(columns)]
+                roles = [role or claim for role, claim in zip(roles, new_claims)]
     for exclusion_rule in EXCLUSION_RULES:
         excluded = exclusion_rule(TableColumns(sheet, values, roles))
-        roles = [OTHER if k in excluded else role for k, role in enumerate(roles)]
+        roles = [OTHER if column in excluded else role for column, role in enumerate(roles)]
     return roles

@@ -49,21 +49,22 @@ class Rosbag2Replay(Recording):
     accept_cut: bool = Field(default=False, description="read the undamaged part of a bag in MCAP files that are cut")
 
     @model_validator(mode="after")
-    def _something(self) -> Self:
+    def _demand_channels(self) -> Self:
+        """Raise ValueError for a device without any channel."""
         if not self.signals and self.kinematics is None:
             raise ValueError("give signals: which numbers of which topics are the channels")
         return self
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """A stream for each mapped topic."""
+        """The streams, one for each mapped topic."""
         return tuple(feed.stream for feed in self._feeds)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the files."""
-        trouble = (self._bag.trouble,) if self._bag.trouble else ()
-        return (*trouble, *untimed_note(self._feeds, self.file.name))
+        """Sentences on damage of the files, and on topics without a time."""
+        damage = (self._bag.trouble,) if self._bag.trouble else ()
+        return (*damage, *untimed_note(self._feeds, self.file.name))
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -72,17 +73,18 @@ class Rosbag2Replay(Recording):
 
     @property
     def duration(self) -> float | None:
-        """From the first message to the last [s]."""
+        """The time [s] from the first message to the last; None without messages."""
         span = self._bag.span
         return (span[1] - span[0]) / 1e9 if span else None
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The open bag."""
+        """Open the bag."""
         yield LogLink(self._bag, self._feeds, window(self._bag, self.begin, self.end), str(self.file))
 
     @cached_property
     def _bag(self) -> Bag:
+        """The bag; raises LogError for one that is cut, unless that is accepted."""
         bag = Bag(self.file, self.accept_cut)
         if not bag.complete and not self.accept_cut:
             raise LogError(
@@ -92,33 +94,34 @@ class Rosbag2Replay(Recording):
 
     @cached_property
     def _feeds(self) -> list[TopicFeed]:
+        """The readers of the mapped topics."""
         return described_feeds(self._bag, self.signals, self.kinematics, self.time, str(self.file))
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """Return True for a folder that is one bag, or a file that is named like a bag's database."""
-        names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
-        return path.name.lower().endswith(names) or is_bag(path)
+        database_suffixes = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
+        return path.name.lower().endswith(database_suffixes) or is_bag(path)
 
     @classmethod
     def survey(cls, path: Path) -> Survey:
         """See `Recording`."""
-        return survey_of(cls._opened(path), path, "rosbag2", report_progress)
+        return survey_of(_open_bag(path), path, "rosbag2", report_progress)
 
     @classmethod
     def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
         """See `Recording`."""
-        return suggestion_for(cls._opened(path), path, "rosbag2-replay", choices)
+        return suggestion_for(_open_bag(path), path, "rosbag2-replay", choices)
 
     @classmethod
     def tables(cls, path: Path, notes: list[str] | None = None) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
-        return tables_of(cls._opened(path), notes)
+        return tables_of(_open_bag(path), notes)
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
         """See `Recording`."""
-        return texts_of(cls._opened(path))
+        return texts_of(_open_bag(path))
 
     @classmethod
     def recover(cls, path: Path, out: Path, beside: Mapping[str, str] = {}) -> str:
@@ -129,6 +132,7 @@ class Rosbag2Replay(Recording):
             raise LogError(f"{path}: recover the files of a bag one by one, and put them into a folder of their own")
         raise LogError(f"{path}: is compressed as a whole: unpack it first, as far as that goes")
 
-    @classmethod
-    def _opened(cls, path: Path) -> Container:
-        return Bag(path, accept_cut=True)
+
+def _open_bag(path: Path) -> Container:
+    """Return a bag, of one that is cut the undamaged part."""
+    return Bag(path, accept_cut=True)

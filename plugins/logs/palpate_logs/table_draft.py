@@ -1,4 +1,4 @@
-"""A file whose columns have roles, and what the rules make of it: the tables of a pipeline, and words."""
+"""A file whose columns have roles, with the tables of a pipeline and the sentences that the rules make of it."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ from palpate_logs.csv_units import needs_scale
 
 @dataclass
 class TableDraft:
-    """A file, the roles of its columns, and the tables and words that the rules make of them."""
+    """A file, the roles of its columns, and the tables and sentences that the rules make of them."""
 
     path: Path
-    choices: Mapping[str, str]
+    choices: Mapping[str, str]  # of a person: columns by role, keys of the device, facts
     sheet: Sheet
-    values: Floats  # (n, columns)
+    values: Floats  # (n, columns) as recorded
     clock: TimeColumn | None
-    series: Sequence[NumberColumn]
+    series: Sequence[NumberColumn]  # columns that can have a role
     roles: RoleGuess
-    bends: Sequence[NumberColumn]  # lengths by which a beam yields
+    bends: Sequence[NumberColumn]  # lengths by which a beam yields under the force
     units: Mapping[str, str]  # by role
-    unit_guesses: Mapping[str, str]  # what is said of those that are guesses
-    device: dict[str, Any] = field(default_factory=dict)
-    alignment: dict[str, Any] = field(default_factory=dict)
-    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    unit_guesses: Mapping[str, str]  # by role: a sentence on a unit that is a guess
+    device: dict[str, Any] = field(default_factory=dict)  # its table
+    alignment: dict[str, Any] = field(default_factory=dict)  # its table
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)  # by role: columns that can have it
     rate: float | None = None  # [Hz] where no column is the time
     sweep_speed: float | None = None  # [m/s] of the tip along the skin, NaN without a time; None of a point
     reasons: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
-    blanks: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)  # guesses that a person should check
+    blanks: list[str] = field(default_factory=list)  # keys that a person must state
     hints: list[str] = field(default_factory=list)
 
     @property
     def seconds(self) -> Floats | None:
-        """Time of each row (n,) [s]; None without a time and a rate."""
+        """The time of each row (n,) [s]; None without a time and a rate."""
         if self.clock is not None:
             return self.clock.seconds
         return np.arange(len(self.values)) / self.rate if self.rate is not None else None
 
     def index(self, role: str) -> int:
-        """Return the column of a role."""
+        """Return the index of the column of a role."""
         return int(self.roles.picks[role].series.key[1])
 
     @cached_property
     def unscaled(self) -> set[str]:
-        """Roles of which only a person knows how much one number is."""
+        """The roles of which only a person knows how much one number is."""
         return {role for role, pick in self.roles.picks.items() if needs_scale(self.sheet, pick, role)}
 
     @cached_property
@@ -65,5 +65,5 @@ class TableDraft:
 
     @property
     def words(self) -> dict[str, Sequence[str]]:
-        """Reasons, doubts, blanks and hints."""
+        """The sentences by kind: reasons, doubts, blanks and hints."""
         return {"reasons": self.reasons, "doubts": self.doubts, "blanks": self.blanks, "hints": self.hints}
