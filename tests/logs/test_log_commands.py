@@ -192,8 +192,8 @@ def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
     kind = "std_msgs/msg/Float64MultiArray"
     topics = [(t, kind, [(s, array_message([float(i)])) for i, s in enumerate(found)]) for t, found in stamps.items()]
     bag = write_bag(tmp_path / "bag.db3", topics)
-    monkeypatch.setattr("palpate_logs.topic_arrays._WINDOW", window)
-    monkeypatch.setattr("palpate_logs.table_files._ROWS", window)
+    monkeypatch.setattr("palpate_logs.topic_arrays._SORTED_ROWS", window)
+    monkeypatch.setattr("palpate_logs.table_windows._MAX_WINDOW_ROWS", window)
     export(bag, tmp_path / "x.csv", None)
     with (tmp_path / "x.csv").open() as file:
         rows = list(csv.DictReader(file))

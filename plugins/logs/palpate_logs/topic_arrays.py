@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,10 @@ from palpate import Floats, LogError, printable
 from palpate_kit.logs.draft_pipeline import recording_of
 from palpate_kit.terminal.progress import report_progress
 
-TEXTS = "\0"  # behind the name of a topic, for its texts
-_WINDOW = 50_000  # rows that are sorted at once
+TEXTS = "\0"  # behind the name of a topic: the key of its texts
+_SORTED_ROWS = 50_000  # in memory at once, a choice: memory against calls
+_STAMP_BYTES = 8  # of an int64
+_NUMBER_BYTES = 8  # of a float64
 
 
 @dataclass(frozen=True)
@@ -20,106 +22,135 @@ class TopicArrays:
     """Rows of one topic, in memory."""
 
     topic: str
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the columns
     stamps: NDArray[np.int64]  # (n,) [ns]
-    values: Floats  # (n, k) as recorded; of texts their places in the words
+    values: Floats  # (n, k) as recorded; codes of texts
 
 
 @dataclass(frozen=True)
 class TopicFiles:
-    """One topic in two files, which are open only while they are read: a log may have thousands of topics."""
+    """One topic in two files next to each other, which are open only while they are read: a log may have thousands.
+
+    ``BASE.stamps`` holds the time-stamps, 8 bytes each; ``BASE.values`` the rows, 8 bytes for each column.
+    """
 
     topic: str
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the columns
     base: Path
-    words: tuple[tuple[str, ...], ...] = ()  # of each column of texts, those that there are
+    texts: tuple[tuple[str, ...], ...] = ()  # of a topic of texts: those of each column, whose codes are the values
 
     def __len__(self) -> int:
-        return self._file("stamps").stat().st_size // 8
+        return self._file("stamps").stat().st_size // _STAMP_BYTES
 
-    def _file(self, kind: str) -> Path:
-        return self.base.with_name(f"{self.base.name}.{kind}")
+    def _file(self, content: str) -> Path:
+        """Return the path of the file of "stamps" or "values"."""
+        return self.base.with_name(f"{self.base.name}.{content}")
 
     def append(self, stamps: NDArray[np.int64], values: Floats) -> None:
-        """Write more rows, at the end."""
-        for kind, array in (("stamps", stamps), ("values", values)):
-            with self._file(kind).open("ab") as file:
+        """Add rows at the end: time-stamps (n,) [ns] and values (n, k)."""
+        for content, array in (("stamps", stamps), ("values", values)):
+            with self._file(content).open("ab") as file:
                 file.write(np.ascontiguousarray(array).data)
 
     def stamps(self, begin: int = 0, end: int | None = None) -> NDArray[np.int64]:
-        """Time-stamps of some rows (n,) [ns], read."""
-        return np.fromfile(self._file("stamps"), np.int64, -1 if end is None else end - begin, offset=8 * begin)
+        """Return the time-stamps (n,) [ns] of the rows from `begin` up to `end`."""
+        row_count = -1 if end is None else end - begin  # -1: all to the end of the file
+        return np.fromfile(self._file("stamps"), np.int64, row_count, offset=_STAMP_BYTES * begin)
 
     def rows(self, begin: int, end: int) -> TopicArrays:
-        """Some rows, read: pages of a file that is mapped would all stay in memory."""
-        k = len(self.names)
-        values = np.fromfile(self._file("values"), np.float64, (end - begin) * k, offset=8 * begin * k)
-        return TopicArrays(self.topic, self.names, self.stamps(begin, end), values.reshape(end - begin, k))
+        """Return the rows from `begin` up to `end`, read: pages of a file that is mapped would all stay in memory."""
+        width = len(self.names)
+        count = (end - begin) * width
+        numbers = np.fromfile(self._file("values"), np.float64, count, offset=_NUMBER_BYTES * begin * width)
+        return TopicArrays(self.topic, self.names, self.stamps(begin, end), numbers.reshape(end - begin, width))
 
     def column(self, k: int) -> Floats:
-        """One column of all rows (n,)."""
+        """Return column k of all rows (n,)."""
         shape = len(self), len(self.names)
-        return (
-            np.array(np.memmap(self._file("values"), np.float64, "r", shape=shape)[:, k]) if shape[0] else np.zeros(0)
-        )
+        if not shape[0]:  # an empty file cannot be mapped
+            return np.zeros(0)
+        return np.array(np.memmap(self._file("values"), np.float64, "r", shape=shape)[:, k])
 
     def sort(self) -> None:
-        """Bring the rows into the order of time."""
-        stamps = self.stamps()  # these, and their order, are held: 16 bytes a message
+        """Bring the rows into the order of time; time-stamps and their order, 16 bytes a message, are in memory."""
+        stamps = self.stamps()
         if (stamps[1:] >= stamps[:-1]).all():
             return
         order = np.argsort(stamps, kind="stable")
         stamps[order].tofile(self._file("stamps"))
-        if self.names:
-            values = np.memmap(self._file("values"), np.float64, "r", shape=(len(stamps), len(self.names)))
-            with self._file("sorted").open("wb") as file:
-                for begin in range(0, len(order), _WINDOW):
-                    file.write(np.ascontiguousarray(values[order[begin : begin + _WINDOW]]).data)
-            self._file("sorted").rename(self._file("values"))
+        if not self.names:
+            return
+        values = np.memmap(self._file("values"), np.float64, "r", shape=(len(stamps), len(self.names)))
+        with self._file("sorted").open("wb") as file:
+            for first_row in range(0, len(order), _SORTED_ROWS):
+                rows = order[first_row : first_row + _SORTED_ROWS]
+                file.write(np.ascontiguousarray(values[rows]).data)
+        self._file("sorted").rename(self._file("values"))
 
 
 def topics_of(log: Path, topics: list[str] | None, folder: Path, notes: list[str]) -> dict[str, TopicFiles]:
-    """Return the log's topics, in files of the folder; what is left out, and why, is added to the notes."""
-    names: dict[str, None] = {}
-    files: dict[str, TopicFiles] = {}
-    count = 0
+    """Return the topics of a log by their keys, in files of a folder, each in the order of time.
+
+    The key of a topic of numbers is its name, that of its texts ends in `TEXTS`. `topics` are those to read; None or
+    empty: all. Sentences on what is left out are added to `notes`. Raises LogError for a topic without numbers and
+    texts.
+    """
+    number_files, names = _number_files(log, topics, folder, notes)
+    text_files = _text_files(log, topics, folder)
+    reason = f"; {printable(notes[0])}" if notes else ""
+    for topic in topics or ():
+        if topic not in number_files and topic + TEXTS not in text_files:
+            names_text = printable(", ".join(names))
+            raise LogError(
+                f"{log}: --topic {topic}: contains no numbers and no texts (there are: {names_text}){reason}"
+            )
+    topic_files = number_files | text_files
+    if not topic_files:
+        raise LogError(f"{log}: contains no numbers and no texts{reason}")
+    for files in topic_files.values():
+        files.sort()
+    return topic_files
+
+
+def _number_files(
+    log: Path, topics: list[str] | None, folder: Path, notes: list[str]
+) -> tuple[dict[str, TopicFiles], list[str]]:
+    """Return the files of the topics of numbers that are to be read, and the names of all topics of numbers."""
+    names: dict[str, None] = {}  # in the order of the log
+    topic_files: dict[str, TopicFiles] = {}
+    message_count = 0
     for topic, columns, batch in recording_of(log).tables(log, notes):
-        count += len(batch.time)
-        report_progress(count)
+        message_count += len(batch.time)
+        report_progress(message_count)
         names[topic] = None
         if topics and topic not in topics:
             continue
-        if topic not in files:
-            files[topic] = TopicFiles(topic, columns, folder / f"{len(files)}")
-        files[topic].append(batch.time, batch.values)
-    texts = _texts(log, topics, folder)
-    missing = [topic for topic in topics or () if topic not in files and topic + TEXTS not in texts]
-    why = f"; {printable(notes[0])}" if notes else ""
-    if missing:
-        there = printable(", ".join(names))
-        raise LogError(f"{log}: --topic {missing[0]}: contains no numbers and no texts (there are: {there}){why}")
-    if not files and not texts:
-        raise LogError(f"{log}: contains no numbers and no texts{why}")
-    found = files | texts
-    for one in found.values():
-        one.sort()
-    return found
+        if topic not in topic_files:
+            topic_files[topic] = TopicFiles(topic, columns, folder / f"{len(topic_files)}")
+        topic_files[topic].append(batch.time, batch.values)
+    return topic_files, [*names]
 
 
-def _texts(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicFiles]:
-    """Return the log's topics of texts: each text by its place among those that there are."""
-    files: dict[str, TopicFiles] = {}
-    places: dict[str, list[dict[str, int]]] = {}
+def _text_files(log: Path, topics: list[str] | None, folder: Path) -> dict[str, TopicFiles]:
+    """Return the files of the topics of texts that are to be read, by their keys.
+
+    In a file is the code of each text: its index among the different texts of its column, in their order in the log.
+    """
+    topic_files: dict[str, TopicFiles] = {}
+    codes_by_topic: dict[str, list[dict[str, int]]] = {}  # for each column: the code of each text
     for topic, columns, stamps, rows in recording_of(log).texts(log):
         if topics and topic not in topics:
             continue
-        if topic not in files:
-            files[topic] = TopicFiles(topic, columns, folder / f"{len(files)}t")
-            places[topic] = [{} for _ in columns]
-        known = places[topic]
-        codes = [[known[k].setdefault(text, len(known[k])) for k, text in enumerate(row)] for row in rows]
-        files[topic].append(stamps, np.array(codes, np.float64))
-    return {
-        topic + TEXTS: TopicFiles(topic, file.names, file.base, tuple(tuple(known) for known in places[topic]))
-        for topic, file in files.items()
-    }
+        if topic not in topic_files:
+            topic_files[topic] = TopicFiles(topic, columns, folder / f"{len(topic_files)}t")
+            codes_by_topic[topic] = [{} for _ in columns]
+        column_codes = codes_by_topic[topic]
+        coded_rows = [
+            [codes.setdefault(text, len(codes)) for codes, text in zip(column_codes, row, strict=True)] for row in rows
+        ]
+        topic_files[topic].append(stamps, np.array(coded_rows, np.float64))
+    keyed_files: dict[str, TopicFiles] = {}
+    for topic, files in topic_files.items():
+        texts = tuple(tuple(codes) for codes in codes_by_topic[topic])
+        keyed_files[topic + TEXTS] = replace(files, texts=texts)
+    return keyed_files

@@ -13,7 +13,7 @@ from palpate_records.temporary_folders import scratch
 from palpate_logs.table_files import WRITERS
 from palpate_logs.topic_arrays import topics_of
 
-_SHOWN = 20  # notes
+_MAX_NOTES = 20  # that are shown, a choice: a screen
 
 
 def export(
@@ -32,12 +32,17 @@ def export(
     notes: list[str] = []
     try:
         with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
-            numbers = topics_of(log, topics, folder, notes)
-            names = write(out, numbers)
-            counts = {numbers[topic].topic: len(numbers[topic]) for topic in sorted(numbers, reverse=True)}
+            topic_files = topics_of(log, topics, folder, notes)
+            changed_names = write(out, topic_files)
+            # Of a topic with numbers and texts, the numbers count: their key is the last one in this order.
+            counts = {topic_files[key].topic: len(topic_files[key]) for key in sorted(topic_files, reverse=True)}
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    notes += [f"topic {topic} is {name} in {out.name}: another one has its name there" for topic, name in names.items()]
-    for note in [*notes[:_SHOWN], f"and {len(notes) - _SHOWN} more"] if len(notes) > _SHOWN else notes:
+    for topic, name in changed_names.items():
+        notes.append(f"topic {topic} is {name} in {out.name}: another one has its name there")
+    shown_notes = notes[:_MAX_NOTES]
+    if len(notes) > _MAX_NOTES:
+        shown_notes.append(f"and {len(notes) - _MAX_NOTES} more")
+    for note in shown_notes:
         typer.echo(f"{log}: {printable(note)}", err=True)
     typer.echo(f"{sum(counts.values())} messages of {len(counts)} topics are in {out}")

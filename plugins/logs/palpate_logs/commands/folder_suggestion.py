@@ -12,50 +12,58 @@ from palpate_kit.logs.draft_pipeline import pipeline_of, rate_note, reader_of, s
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress
 
-_NAMED, _KEYS = 4, 3  # files of a group, and keys in which it differs, that are named
+# Choices: what fits into a line.
+_MAX_FILES = 4  # of a group that are named
+_MAX_KEYS = 3  # in which a group differs that are named
 
 
 def is_folder_of_logs(path: Path) -> bool:
-    """Whether a path is a folder that is not a log by itself, as a bag is."""
+    """Return True for a folder that is not a log by itself, as a bag is."""
     return path.is_dir() and reader_of(path, registry.load()) is None
 
 
 def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline of the most files, and one more for each other group; raises LogError."""
-    known = registry.load()
-    refused: dict[str, str] = {}
+    """Print or write the pipeline of the largest group of files read alike, and one for each other group.
+
+    Raises LogError if no file can be read, OutputError.
+    """
+    plugins = registry.load()
+    refused: dict[str, str] = {}  # by file: the reason
     with progress(f"look at {folder.name}"):
-        groups = alike_logs(logs_among([folder], known), lambda log: suggestion_of(log, choices, known), refused)
-    if note := rate_note(choices, (group.suggestion for group in groups for _ in group.logs)):
+        groups = alike_logs(logs_among([folder], plugins), lambda log: suggestion_of(log, choices, plugins), refused)
+    note = rate_note(choices, (group.suggestion for group in groups for _ in group.logs))
+    if note:
         typer.echo(note, err=True)
     if not groups:
         name, reason = next(iter(refused.items()))
         raise LogError(f"{name}: {reason}")
-    paths = [_path(out, number) for number in range(1, len(groups) + 1)]
+    paths = [None if out is None else _numbered_path(out, number) for number in range(1, len(groups) + 1)]
     texts = [
         pipeline_of(group.suggestion, group.logs[0], None if path is None else path.parent)
         for group, path in zip(groups, paths, strict=True)
     ]
-    _write(paths, texts)
+    _write_pipelines(paths, texts)
     if as_json:
         files = [[str(log) for log in group.logs] for group in groups]
         print_json({"pipelines": texts, "files": files, "refused": refused})
     elif out is None:
         typer.echo(texts[0], nl=False)
-    for number, (group, path) in enumerate(zip(groups, paths, strict=True)):
-        typer.echo(_words(group, groups[0] if number else None, path), err=True)
+    for group, path in zip(groups, paths, strict=True):
+        largest_group = None if group is groups[0] else groups[0]
+        typer.echo(_group_report(group, largest_group, path), err=True)
     for name, reason in refused.items():
         typer.echo(f"{name}: {printable(reason)}", err=True)
     if out is not None:
         typer.echo(f"fit the files of one: palpate fit FILES --each --pipeline {out}", err=True)
 
 
-def _path(out: Path | None, number: int) -> Path | None:
-    return out if out is None or number == 1 else out.with_name(f"{out.stem}-{number}{out.suffix}")
+def _numbered_path(out: Path, number: int) -> Path:
+    """Return the path of a pipeline by its number from 1: out.toml, out-2.toml, out-3.toml, ..."""
+    return out if number == 1 else out.with_name(f"{out.stem}-{number}{out.suffix}")
 
 
-def _write(paths: list[Path | None], texts: list[str]) -> None:
-    """Write every pipeline, or none where one exists; raises OutputError."""
+def _write_pipelines(paths: list[Path | None], texts: list[str]) -> None:
+    """Write the text of each pipeline that has a path; raises OutputError, before any is written if a file exists."""
     for path in paths:
         if path is not None and path.exists():
             raise OutputError(f"{path}: exists already, and nothing is ever overwritten")
@@ -69,18 +77,22 @@ def _write(paths: list[Path | None], texts: list[str]) -> None:
             raise OutputError(f"{path}: cannot write: {error.strerror}") from error
 
 
-def _words(group: AlikeLogs[Path], usual: AlikeLogs[Path] | None, path: Path | None) -> str:
-    """How many files are read alike, in what they differ from the usual ones, and what is to be checked of them."""
-    names = ", ".join(printable(log.name) for log in group.logs[:_NAMED])
-    names += f" and {len(group.logs) - _NAMED} more" if len(group.logs) > _NAMED else ""
+def _group_report(group: AlikeLogs[Path], largest_group: AlikeLogs[Path] | None, path: Path | None) -> str:
+    """Return lines on a group of files: how many are read alike, and what a person must fill in and check.
+
+    `path` is that of their pipeline. Of any but the largest group the first line names the keys in which it differs.
+    """
+    names = ", ".join(printable(log.name) for log in group.logs[:_MAX_FILES])
+    if len(group.logs) > _MAX_FILES:
+        names += f" and {len(group.logs) - _MAX_FILES} more"
     count = f"{len(group.logs)} file{'s' if len(group.logs) > 1 else ''}"
-    where = "" if path is None else f"{path}: "
-    if usual is None:
-        told = f"{where}{count} read alike: {names}"
-    else:
-        keys = differences(usual.suggestion, group.suggestion)
-        more = ", ..." if len(keys) > _KEYS else ""
-        told = f"{where}{count} with another {', '.join(keys[:_KEYS])}{more}: {names}"
-    said = [f"  fill in: {printable(text)}" for text in group.suggestion.blanks]
-    said += [f"  check: {printable(text)}" for text in group.suggestion.doubts]
-    return "\n".join([told, *said])
+    likeness = "read alike"
+    if largest_group is not None:
+        keys = differences(largest_group.suggestion, group.suggestion)
+        more = ", ..." if len(keys) > _MAX_KEYS else ""
+        likeness = f"with another {', '.join(keys[:_MAX_KEYS])}{more}"
+    prefix = "" if path is None else f"{path}: "
+    lines = [f"{prefix}{count} {likeness}: {names}"]
+    lines += [f"  fill in: {printable(text)}" for text in group.suggestion.blanks]
+    lines += [f"  check: {printable(text)}" for text in group.suggestion.doubts]
+    return "\n".join(lines)

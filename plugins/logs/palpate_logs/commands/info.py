@@ -24,6 +24,9 @@ from palpate_logs.suggestion_figure import draw_suggestion
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+_SECOND = 1e9  # [ns]
+_WIDTH = 160  # characters of a line, a choice: that of the table of topics
+
 
 def info(
     log: Annotated[
@@ -57,11 +60,12 @@ def info(
         show_installation(as_json)
         return
     if suggest or out is not None or picture is not None:
-        given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
-        given["lateral"] = lateral
-        choices = {role: text for role, text in given.items() if text is not None}
-        if not choices and picture is None and (lines := file_suggestion(log)) is not None:
-            _show_commands(log, lines, out, as_json)
+        options = {"force": force, "position": position, "velocity": velocity}
+        options |= {"time": time, "rate": rate, "lateral": lateral}
+        choices = {key: text for key, text in options.items() if text is not None}
+        commands = file_suggestion(log) if not choices and picture is None else None
+        if commands is not None:
+            _show_commands(log, commands, out, as_json)
         elif is_folder_of_logs(log) and picture is None:
             suggest_folder(log, choices, out, as_json)
         else:
@@ -75,11 +79,11 @@ def info(
     if as_json:
         print_json(survey)
     else:
-        console(160).print(survey_view(survey))
+        console(_WIDTH).print(survey_view(survey))
 
 
 def file_suggestion(path: Path) -> Sequence[str] | None:
-    """What a plugin says of a file that is not a log; None where none knows it."""
+    """Return the commands that a plugin suggests for a file that is not a log; None if none knows it."""
     if not path.is_file():
         return None
     offers = registries.load().file_suggestions.values()
@@ -99,16 +103,20 @@ def _show_commands(path: Path, lines: Sequence[str], out: Path | None, as_json: 
 
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline, and list on standard error what in it is a guess or must be filled in."""
+    """Print or write the pipeline, and list on standard error what in it is a guess or must be filled in.
+
+    A log of a run carries its pipeline, which is taken, but for the channels that a person chooses.
+    """
     system = system_at(str(log))
-    carried = read_run_log(log) if system is None else None
-    if carried is not None and not choices and picture is None:
+    run_log = read_run_log(log) if system is None else None
+    if run_log is not None and not choices and picture is None:
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
-        _written(_approved_text(replay_source(carried), log), out, as_json)
+        _write_pipeline(_approved_text(replay_source(run_log), log), out, as_json)
         return
     with progress(f"look at {log.name}", "messages"):
         suggestion = suggestion_of(log, choices) if system is None else system.suggest(choices)
-    if note := rate_note(choices, [suggestion]):
+    note = rate_note(choices, [suggestion])
+    if note:
         typer.echo(note, err=True)
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
@@ -116,23 +124,30 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         typer.echo(f"check: {printable(text)}", err=True)
     if picture is not None:
         draw_suggestion(suggestion, printable(log.name), picture)
-    if carried is not None:
-        chosen = f"all but {', '.join(choices)}" if choices else "all"
-        typer.echo(f"{log}: {chosen} is that of its run", err=True)
-        text = _approved_text(with_other_channels(carried, suggestion, choices), log)
+    if run_log is not None:
+        kept_keys = f"all but {', '.join(choices)}" if choices else "all"
+        typer.echo(f"{log}: {kept_keys} is that of its run", err=True)
+        text = _approved_text(with_other_channels(run_log, suggestion, choices), log)
     else:
-        beside = out.parent if out is not None and system is None else None
-        text = pipeline_of(suggestion, log if system is None else Path(system.name), beside)
-    _written(text, out, as_json, suggestion)
+        folder = out.parent if out is not None and system is None else None
+        text = pipeline_of(suggestion, log if system is None else Path(system.name), folder)
+    _write_pipeline(text, out, as_json, suggestion)
 
 
 def _approved_text(source: Source, log: Path) -> str:
-    """The pipeline of a log as a text; whoever runs it consents to the plugin files in it, so they must be approved."""
+    """Return the pipeline of a log as a text.
+
+    Whoever runs it consents to the plugin files in it: raises ConsentError if one of them is not approved.
+    """
     plugin_files(source)
     return run_log_text(source, log)
 
 
-def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion | None = None) -> None:
+def _write_pipeline(text: str, out: Path | None, as_json: bool, suggestion: Suggestion | None = None) -> None:
+    """Write the text of a pipeline to a new file, else print it; raises OutputError if the file cannot be written.
+
+    As JSON, it is printed with the tables and sentences of its suggestion.
+    """
     if as_json:
         names = ("device", "alignment", "reasons", "doubts", "blanks", "hints")
         print_json({"pipeline": text, **{name: getattr(suggestion, name, None) for name in names}})
@@ -151,7 +166,7 @@ def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion 
 
 
 def survey_view(survey: Survey) -> RenderableType:
-    """The table of topics, and what is wrong."""
+    """Return the table of topics, that of their numbers, and the notes."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -162,20 +177,19 @@ def survey_view(survey: Survey) -> RenderableType:
     for heading in ("messages", "rate\nHz", "interval ms\n1 % to 99 %", "gaps", "longest\nms", "late ms\n50 %, 99 %"):
         table.add_column(heading, justify="right")
     for topic in survey.topics:
-        table.add_row(*(Text(cell) for cell in _cells(topic)))
-    notes = [
-        Text(f"  {_name(topic)}: {printable(topic.note)}", style="yellow") for topic in survey.topics if topic.note
-    ]
-    notes += [Text(f"  {printable(note)}", style="yellow") for note in survey.notes]
-    return Group(_span(survey), table, *_numbers(survey), *([Text("notes")] if notes else []), *notes)
+        table.add_row(*(Text(cell) for cell in _topic_cells(topic)))
+    notes = [f"{printable(topic.name)}: {printable(topic.note)}" for topic in survey.topics if topic.note]
+    notes += [printable(note) for note in survey.notes]
+    note_lines = [Text(f"  {note}", style="yellow") for note in notes]
+    notes_title = [Text("notes")] if notes else []
+    return Group(_span_text(survey), table, *_number_tables(survey), *notes_title, *note_lines)
 
 
-def _name(topic: TopicSurvey) -> str:
-    return printable(topic.name)
+def _number_tables(survey: Survey) -> list[RenderableType]:
+    """Return the table of the numbers that signals can name, with their statistics if they were decoded.
 
-
-def _numbers(survey: Survey) -> list[RenderableType]:
-    """Every number that signals can name, with its statistics where it has been decoded."""
+    Empty for a survey without such numbers; elements of an array, whose names end in "]", are only named if decoded.
+    """
     from rich.table import Table
     from rich.text import Text
 
@@ -187,40 +201,43 @@ def _numbers(survey: Survey) -> list[RenderableType]:
         table.add_column(heading, justify="right")
     table.add_column("course", no_wrap=True)
     for topic in survey.topics:
-        known = {number.name for number in topic.numbers}
-        rest = [name for name in topic.fields if name not in known and not name.endswith("]")]
         for number in topic.numbers:
-            cells = (f"{x:.4g}" for x in (number.low, number.high, number.std, number.noise))
-            odd = str(number.odd) if number.odd else ""
-            table.add_row(Text(printable(f"{topic.name}:{number.name}")), *cells, odd, number.course)
-        for name in rest:
-            table.add_row(Text(printable(f"{topic.name}:{name}")))
+            statistics = [f"{quantity:.4g}" for quantity in (number.low, number.high, number.std, number.noise)]
+            odd_count = str(number.odd) if number.odd else ""
+            table.add_row(Text(printable(f"{topic.name}:{number.name}")), *statistics, odd_count, number.course)
+        decoded_names = {number.name for number in topic.numbers}
+        for name in topic.fields:
+            if name not in decoded_names and not name.endswith("]"):
+                table.add_row(Text(printable(f"{topic.name}:{name}")))
     return [table]
 
 
-def _span(survey: Survey) -> str:
-    filled = [topic for topic in survey.topics if topic.messages]
-    if not filled:
+def _span_text(survey: Survey) -> str:
+    """Return the number of messages of all topics and the time that they span, in seconds."""
+    topics = [topic for topic in survey.topics if topic.messages]
+    if not topics:
         return "no messages"
-    first, last = min(t.first for t in filled), max(t.last for t in filled)
-    return f"{sum(t.messages for t in filled)} messages over {(last - first) / 1e9:.3f} s, from {first / 1e9:.3f} s"
+    message_count = sum(topic.messages for topic in topics)
+    first = min(topic.first for topic in topics)
+    last = max(topic.last for topic in topics)
+    return f"{message_count} messages over {(last - first) / _SECOND:.3f} s, from {first / _SECOND:.3f} s"
 
 
-def _cells(topic: TopicSurvey) -> list[str]:
-    cells = [_name(topic), printable(topic.type or topic.encoding), str(topic.messages)]
+def _topic_cells(topic: TopicSurvey) -> list[str]:
+    """Return the row of a topic: name, type, messages, rate [Hz], interval [ms], gaps, longest pause and lateness [ms].
+
+    Cells of statistics are empty for a topic without them.
+    """
+    name_cells = [printable(topic.name), printable(topic.type or topic.encoding), str(topic.messages)]
+    lateness = ""
+    if topic.lateness is not None:
+        median, high_lateness = topic.lateness
+        lateness = f"{median * 1e3:.2f}, {high_lateness * 1e3:.2f}"
     if topic.interval is None:
-        return [*cells, "", "", "", "", _late(topic)]
+        return [*name_cells, "", "", "", "", lateness]
     low, _, high = topic.interval
-    rate = f"{(topic.messages - 1) * 1e9 / (topic.last - topic.first):.1f}" if topic.last > topic.first else ""
-    return [
-        *cells,
-        rate,
-        f"{low * 1e3:.2f} to {high * 1e3:.2f}",
-        str(topic.gaps),
-        f"{topic.longest * 1e3:.1f}",
-        _late(topic),
-    ]
-
-
-def _late(topic: TopicSurvey) -> str:
-    return "" if topic.lateness is None else f"{topic.lateness[0] * 1e3:.2f}, {topic.lateness[1] * 1e3:.2f}"
+    rate = ""
+    if topic.last > topic.first:
+        rate = f"{(topic.messages - 1) * _SECOND / (topic.last - topic.first):.1f}"
+    interval, longest = f"{low * 1e3:.2f} to {high * 1e3:.2f}", f"{topic.longest * 1e3:.1f}"
+    return [*name_cells, rate, interval, str(topic.gaps), longest, lateness]

@@ -1,4 +1,4 @@
-"""``palpate info`` without a log: what this installation runs on."""
+"""``palpate info`` without a log: the libraries and plugins of this installation."""
 
 from __future__ import annotations
 
@@ -16,31 +16,33 @@ _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
 
 
 def show_installation(as_json: bool = False) -> None:
-    """List libraries and plugins, and the plugins' facts on the installation."""
+    """Print versions, libraries and plugins, and the facts on the installation that plugins state."""
     registry = registries.load()
-    found: dict[str, Any] = {
+    installation: dict[str, Any] = {
         "palpate": importlib.metadata.version("palpate"),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "cores": os.cpu_count(),
-        "facts": [_line(name, fact) for name, fact in registry.facts.items()],
+        "facts": [_fact_line(name, fact) for name, fact in registry.facts.items()],
         "libraries": {name: _version(name) for name in _LIBRARIES},
         "plugins": [plugin.name for plugin in registry.plugins],
         "failures": dict(registry.failures),
     }
     if as_json:
-        print_json(found)
+        print_json(installation)
         return
-    typer.echo(f"palpate {found['palpate']}")
-    typer.echo(f"python {found['python']} on {found['system']}, {found['cores']} cores")
-    lines = [*found["facts"], *(f"{name} {version}" for name, version in found["libraries"].items())]
-    lines += [f"plugin {name}" for name in found["plugins"]]
+    typer.echo(f"palpate {installation['palpate']}")
+    typer.echo(f"python {installation['python']} on {installation['system']}, {installation['cores']} cores")
+    lines = [*installation["facts"]]
+    lines += [f"{name} {version}" for name, version in installation["libraries"].items()]
+    lines += [f"plugin {name}" for name in installation["plugins"]]
     lines += registry.failures.values()
     for line in lines:
         typer.echo(line)
 
 
-def _line(name: str, fact: Fact) -> str:
+def _fact_line(name: str, fact: Fact) -> str:
+    """Return the text of a fact; if the plugin's function fails, the error."""
     try:
         return str(function_of(fact)())
     except ConfigurationError:  # the user's environment
@@ -50,6 +52,7 @@ def _line(name: str, fact: Fact) -> str:
 
 
 def _version(name: str) -> str:
+    """Return the version of an installed library."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -20,5 +20,5 @@ def recover(
     The new log can be replayed: it keeps the pipeline of its run, or takes the one in the run folder next to it.
     """
     with progress(f"recover {log.name}", "messages"):
-        said = recording_of(log).recover(log, out, RunFolder(log.parent).documents)
-    typer.echo(said)
+        report = recording_of(log).recover(log, out, RunFolder(log.parent).documents)
+    typer.echo(report)
