@@ -93,9 +93,10 @@ def lateral_columns(
 
 
 def _stated_columns(sheet: Sheet, values: Floats, picks: Mapping[str, int], unit: str, stated: str) -> LateralColumns:
-    """Return the columns that --lateral names, one or those of x and y; parameters as of `lateral_columns`.
+    """Return the columns that a person states by names or numbers, as "COLUMN" or "X_COLUMN,Y_COLUMN".
 
-    Raises LogError if one of them has another role, or does not move like a place.
+    `picks` are the columns of force and motion by role, `unit` is that of the position. Raises LogError for a column
+    that has another role, or does not move like a place.
     """
     references = [reference.strip() for reference in stated.split(",")]
     if len(references) > len(_AXES):

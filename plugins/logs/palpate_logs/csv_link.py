@@ -159,7 +159,7 @@ class CsvLink:
     def _blocks_by_line(self, lines: Iterator[str], rows_above: int) -> Iterator[Floats]:
         """Yield the numbers (n, columns) of lines that may hold anything, below a number of rows that were read."""
         tally = self._log.tally
-        tally.footer.clear()
+        tally.footer.clear()  # of an earlier reading of the file
         tally.events.clear()
         reader = CellReader(self._log.file, self._dialect, self._columns, self._indices, tally)
         rows = rows_below(

@@ -67,7 +67,7 @@ class SheetReading:
             role=role,
             why=reason,
             unit=unit,
-            key=("", str(index)),
+            key=("", str(index)),  # a table has no topics
             named=self.sheet.header,
         )
 
@@ -82,12 +82,15 @@ def read_sheet(path: Path, choices: Mapping[str, str]) -> SheetReading:
 
     Rows without a time are left out.
     """
+    # The form of the file and the record in it, as far as they are chosen.
     sheet = sheet_of(path, {key: choices[key] for key in (*KEYS, RECORD) if key in choices})
     chosen_units = {key.removeprefix(UNITS): unit for key, unit in choices.items() if key.startswith(UNITS)}
     if chosen_units:
         sheet = replace(sheet, own_units=chosen_units)
     values = together(sheet.blocks(), _MAX_ROWS)
+    # A chosen unit goes before that which the header states for one count.
     sheet = replace(sheet, own_units={**counts_of_header(sheet, values), **sheet.own_units})
+    # A column that is chosen for a role is not the time.
     role_columns = [sheet.index_of(role, choices[role].removeprefix(":")) for role in ROLES if role in choices]
     clock = clock_of(sheet, values, choices, role_columns)
     if clock is not None:
@@ -105,6 +108,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
     draft = _draft(path, choices)
     for add_statement in SUGGESTION_RULES:
         add_statement(draft)
+    # Without a time, the unit of time is a row.
     suggestion = assemble_suggestion(
         draft.roles,
         draft.device,

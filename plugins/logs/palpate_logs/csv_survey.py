@@ -19,7 +19,7 @@ from palpate_records.tables.csv_sheet import Sheet
 from palpate_records.tables.csv_truncation import cut_number
 from palpate_records.tables.table_records import records_note
 
-from palpate_logs.csv_roles import read_sheet
+from palpate_logs.csv_roles import SheetReading, read_sheet
 
 _GAP_RATIO = 10.0  # of an interval to the usual one, from which on it is a gap: that of any survey
 
@@ -28,12 +28,7 @@ def survey_csv(path: Path) -> Survey:
     """Return the contents of a CSV file: its rows, their rate, and the likely roles of its columns."""
     reading = read_sheet(path, {})
     sheet, clock = reading.sheet, reading.clock
-    guess = find_roles(reading.series(), {})
-    roles = {int(pick.series.key[1]): role for role, pick in guess.picks.items()} if guess else {}
-    if clock is not None and clock.column is not None:
-        roles[clock.column] = "time"
-    labels = [f"{name} ({roles[index]}?)" if index in roles else name for index, name in enumerate(sheet.names)]
-    statistics = FieldStatistics(labels)
+    statistics = FieldStatistics(_column_labels(reading))
     row_count = 0
     for block in sheet.blocks():
         row_count += len(block)
@@ -52,6 +47,18 @@ def survey_csv(path: Path) -> Survey:
     if clock is not None:
         topic = _with_times(topic, nanoseconds(clock.seconds[np.abs(clock.seconds) < LATEST]))
     return Survey(path, "CSV", (replace(topic, numbers=statistics.surveys()),), notes)
+
+
+def _column_labels(reading: SheetReading) -> list[str]:
+    """Return the name of each column, with its likely role as in "Fz (force?)"."""
+    guess = find_roles(reading.series(), {})
+    roles: dict[int, str] = {}
+    if guess is not None:
+        roles = {int(pick.series.key[1]): role for role, pick in guess.picks.items()}
+    if reading.clock is not None and reading.clock.column is not None:
+        roles[reading.clock.column] = "time"
+    names = enumerate(reading.sheet.names)
+    return [f"{name} ({roles[index]}?)" if index in roles else name for index, name in names]
 
 
 def _notes(path: Path, sheet: Sheet, has_time: bool) -> tuple[str, ...]:

@@ -81,16 +81,16 @@ def counts_of_header(sheet: Sheet, values: Floats) -> dict[str, str]:
     A line above the names states it, such as "Counts per Force: 1000000". `values` (n, columns) are the numbers of the
     sheet; forces that are not whole numbers are in the unit already.
     """
-    stated = {fact.name.strip().lower(): fact.value for fact in sheet.facts}
-    counts = next((number_or_nan(stated[name]) for name in stated if _COUNTS_PER_FORCE.fullmatch(name)), float("nan"))
-    unit = next((plain_unit(stated[name]) for name in stated if _FORCE_UNIT.fullmatch(name)), "N")
-    if not counts > 0.0 or not is_unit(unit):
+    facts = {fact.name.strip().lower(): fact.value for fact in sheet.facts}
+    counts_per_force = next((number_or_nan(facts[name]) for name in facts if _COUNTS_PER_FORCE.fullmatch(name)), 0.0)
+    unit = next((plain_unit(facts[name]) for name in facts if _FORCE_UNIT.fullmatch(name)), "N")
+    if not counts_per_force > 0.0 or not is_unit(unit):
         return {}
     units: dict[str, str] = {}
     for column, name in enumerate(sheet.names):
         numbers = values[np.isfinite(values[:, column]), column]
         if stated_role(name) == "force" and not (numbers % 1.0).any():
-            units[name] = f"{1.0 / counts:.10g} {unit}"
+            units[name] = f"{1.0 / counts_per_force:.10g} {unit}"
     return units
 
 

@@ -79,11 +79,8 @@ class SegmentReader:
         calibrations = _calibrations(table, name, slot)
         for calibration in calibrations:
             readings = _apply_scale(readings, table, f"{calibration}scaling.")
-        # The unit is that of the last scale; files name its key in either way.
         last_scale = f"{calibrations[-1] if calibrations else encoder}scaling."
-        unit = table.get(f"{last_scale}unit.unit") or table.get(f"{last_scale}unit") or "no unit"
-        if unit != expected_unit:
-            raise ValueError(f"is in {unit}, expected {expected_unit}")
+        _demand_unit(table, last_scale, expected_unit)
         return readings
 
 
@@ -103,6 +100,13 @@ def _calibrations(table: Properties, channel: str, slot: str) -> list[str]:
         prefixes.append(prefix)
         slot = table[f"{prefix}base-calibration-slot"]
     return prefixes[::-1]
+
+
+def _demand_unit(table: Properties, scale: str, expected_unit: str) -> None:
+    """Raise ValueError for a scale in another unit, by the properties below its prefix: "unit.unit" or "unit"."""
+    unit = table.get(f"{scale}unit.unit") or table.get(f"{scale}unit") or "no unit"
+    if unit != expected_unit:
+        raise ValueError(f"is in {unit}, expected {expected_unit}")
 
 
 def _apply_scale(numbers: Floats, table: Properties, scale: str) -> Floats:

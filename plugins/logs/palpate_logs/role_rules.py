@@ -145,6 +145,7 @@ def column_roles(sheet: Sheet, values: Floats) -> list[str | None]:
     for sureness in sorted(Sureness, reverse=True):
         assigned = {*roles} - {OTHER}
         for claim_rule in CLAIM_RULES:
+            # Of equally sure rules the first one counts.
             if claim_rule.sureness == sureness:
                 new_claims = [None if claim in assigned else claim for claim in claim_rule(columns)]
                 roles = [role or claim for role, claim in zip(roles, new_claims)]

@@ -24,7 +24,10 @@ _NANOSECONDS = 1e9  # [1/s]
 
 
 def _write_csv(path: Path, topic_files: Mapping[str, TopicFiles]) -> dict[str, str]:
-    """Write a table with time-stamps [ns], times [s] since the first message, and an empty cell for NaN."""
+    """Write a table with time-stamps [ns], times [s] since the first message, and an empty cell for NaN.
+
+    Return changed names of topics as every writer does; a table has none.
+    """
     first_stamp = min(int(files.stamps(0, 1)[0]) for files in topic_files.values() if len(files))
     texts = _texts_by_column(topic_files)
     with path.open("x", newline="", encoding="utf-8") as file:
@@ -76,20 +79,20 @@ def _arrays_by_topic(
 
     `allowed_name` makes of any name one that the file allows.
     """
-    files_by_topic: dict[str, list[TopicFiles]] = {}
+    files_by_topic: dict[str, list[TopicFiles]] = {}  # of numbers, of texts or of both
     for files in topic_files.values():
         files_by_topic.setdefault(files.topic, []).append(files)
     topic_names = unique_names(map(allowed_name, files_by_topic), max_length)
     arrays_by_topic = {}
     for topic, topic_name in zip(files_by_topic, topic_names, strict=True):
-        fields, arrays = zip(*_fields(files_by_topic[topic]), strict=True)
-        field_names = unique_names(map(allowed_name, fields), max_length)
-        arrays_by_topic[topic] = topic_name, dict(zip(field_names, arrays, strict=True))
+        fields = [*_fields(files_by_topic[topic])]
+        field_names = unique_names((allowed_name(name) for name, _ in fields), max_length)
+        arrays_by_topic[topic] = topic_name, dict(zip(field_names, (array for _, array in fields), strict=True))
     return arrays_by_topic
 
 
 def _write_npz(path: Path, topic_files: Mapping[str, TopicFiles]) -> dict[str, str]:
-    """Write an array for each field, as "wrench:wrench.force.z"."""
+    """Write an array for each field, as "wrench:wrench.force.z"; return the changed names of topics."""
     topics = _arrays_by_topic(topic_files, _dotted_name)
     arrays = [(f"{name}:{field}", array) for name, fields in topics.values() for field, array in fields.items()]
     names = unique_names(name for name, _ in arrays)
@@ -104,7 +107,7 @@ def _dotted_name(name: str) -> str:
 
 
 def _write_mat(path: Path, topic_files: Mapping[str, TopicFiles]) -> dict[str, str]:
-    """Write a struct for each topic, whose names MATLAB allows."""
+    """Write a struct for each topic, by names that MATLAB allows; return the changed names of topics."""
     from scipy.io import savemat
 
     topics = _arrays_by_topic(topic_files, _matlab_name, _MAX_MATLAB_NAME)
@@ -120,7 +123,10 @@ def _matlab_name(name: str) -> str:
 
 
 def _write_parquet(path: Path, topic_files: Mapping[str, TopicFiles]) -> dict[str, str]:
-    """Write a table with time-stamps [ns]; raises ConfigurationError if pyarrow is not installed."""
+    """Write a table with time-stamps [ns]; raises ConfigurationError if pyarrow is not installed.
+
+    Return changed names of topics as every writer does; a table has none.
+    """
     try:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -144,13 +145,14 @@ def _text_files(log: Path, topics: list[str] | None, folder: Path) -> dict[str, 
         if topic not in topic_files:
             topic_files[topic] = TopicFiles(topic, columns, folder / f"{len(topic_files)}t")
             codes_by_topic[topic] = [{} for _ in columns]
-        column_codes = codes_by_topic[topic]
-        coded_rows = [
-            [codes.setdefault(text, len(codes)) for codes, text in zip(column_codes, row, strict=True)] for row in rows
-        ]
-        topic_files[topic].append(stamps, np.array(coded_rows, np.float64))
-    keyed_files: dict[str, TopicFiles] = {}
-    for topic, files in topic_files.items():
-        texts = tuple(tuple(codes) for codes in codes_by_topic[topic])
-        keyed_files[topic + TEXTS] = replace(files, texts=texts)
-    return keyed_files
+        topic_files[topic].append(stamps, _encode_texts(rows, codes_by_topic[topic]))
+    return {
+        topic + TEXTS: replace(files, texts=tuple(tuple(codes) for codes in codes_by_topic[topic]))
+        for topic, files in topic_files.items()
+    }
+
+
+def _encode_texts(rows: Sequence[Sequence[str]], codes_by_column: Sequence[dict[str, int]]) -> Floats:
+    """Return the codes (n, k) of rows of k texts; a text that is new in its column gets the next code there."""
+    codes = [[codes.setdefault(text, len(codes)) for codes, text in zip(codes_by_column, row)] for row in rows]
+    return np.array(codes, np.float64)

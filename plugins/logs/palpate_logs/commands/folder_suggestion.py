@@ -43,6 +43,7 @@ def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_j
         for group, path in zip(groups, paths, strict=True)
     ]
     _write_pipelines(paths, texts)
+    # The pipelines go to standard output, all else to standard error.
     if as_json:
         files = [[str(log) for log in group.logs] for group in groups]
         print_json({"pipelines": texts, "files": files, "refused": refused})
