@@ -6,7 +6,7 @@ from palpate_kit.numerics.repeated_values import autocorrelation
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeatability import (
     Repeatability,
-    against_truth,
+    error_of_mean,
     moving_average,
     repeatability,
 )
@@ -101,7 +101,7 @@ def test_the_picture_has_three_panels_with_both_limits(monkeypatch, tmp_path):
 def test_the_error_against_a_truth_has_what_does_not_average_out():
     values = np.array([113e3, 114e3, 112e3, 113.5e3])
     runs = Repeatability(values)
-    found = against_truth(runs.mean, runs.std_of_mean, np.full(4, 2e3), 112.5e3)
+    found = error_of_mean(runs.mean, runs.std_of_mean, np.full(4, 2e3), 112.5e3)
     assert found["error"] == pytest.approx(values.mean() / 112.5e3 - 1)
     assert found["by_scatter"] < found["error_std"]
     assert found["error_std"] == pytest.approx(np.hypot(found["by_scatter"], 2e3 / 112.5e3))

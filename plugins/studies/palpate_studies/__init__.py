@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Studies."""
+    """Return the commands of studies."""
     return {
         "sweep": Command(
             "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores.", "compare"
@@ -37,7 +37,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Settings of a bench, of a sweep, and of repeats."""
+    """Return the tables of a bench, of a sweep, and of repeats."""
     from palpate_studies.bench.settings import MeasureSettings
     from palpate_studies.repeat_settings import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings

@@ -21,7 +21,7 @@ class LogRuns:
         self._count = 0
 
     def run_of(self, source: Path) -> Path:
-        """The source itself where it is a result; of a log its run folder, estimated again by what the log carries.
+        """Return the source itself if it is a result; of a log, the run folder by the pipeline that it carries.
 
         Raises ConfigurationError for a log that carries no pipeline: nothing is guessed.
         """
@@ -30,19 +30,20 @@ class LogRuns:
         try:
             recording_of(source)
         except LogError:
-            return source  # what it is, its reader says
-        carried = read_run_log(source)
-        if carried is None:
+            return source  # whoever reads it reports that it is not a result
+        run_log = read_run_log(source)
+        if run_log is None:
             raise ConfigurationError(
                 f"{source}: carries no pipeline, so tip and model are not known: `palpate info {source} --suggest` "
                 "writes a pipeline, `palpate run` makes its run folder"
             )
-        pipeline = build_pipeline(replay_source(carried))
-        self._folder = self._folder or make_folder("repeat", None, datetime.now(UTC).astimezone())
+        pipeline = build_pipeline(replay_source(run_log))
+        if self._folder is None:
+            self._folder = make_folder("repeat", None, datetime.now(UTC).astimezone())
         self._count += 1
         folder = self._folder / f"{self._count:03d}-{source.name.split('.')[0]}"
-        told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-        typer.echo(f"{source}: estimated by the pipeline of its run, into {folder}; assumed exact: {told}", err=True)
+        assumed = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+        typer.echo(f"{source}: estimated by the pipeline of its run, into {folder}; assumed exact: {assumed}", err=True)
         with progress(str(source), "s"):
             run_pipeline(pipeline, folder, report_progress)
         return folder

@@ -21,7 +21,7 @@ from palpate_kit.terminal.table import console
 from palpate_studies.force_error import force_error
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
-from palpate_studies.repeatability import against_truth, repeatability
+from palpate_studies.repeatability import error_of_mean, repeatability
 from palpate_studies.repeated_runs import perform
 from palpate_studies.value_group import ValueGroup, compare, groups_by_column, read_groups
 from palpate_studies.value_rows import write_value_table
@@ -90,7 +90,7 @@ def repeat(
     parameter = parameter or "elasticity"
     files: dict[str, list[Path]] = {}
     for name, paths in groups_of(sources or [], group or []).items():
-        files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
+        files[name] = [run for path in paths for run in _runs_of(path, overrides or [], out, scheduler, stage)]
     if by is None:
         groups = read_groups(files, track, parameter, where)
     else:
@@ -98,49 +98,65 @@ def repeat(
     document = _document(groups, compare(groups, unit, mixed), parameter, truth)
     if picture is not None:
         draw_repeatability(document, picture)
-    _show(document, as_json, details)
-    if failures := {path for members in groups.values() for path in members.failures}:
+    _print_document(document, as_json, details)
+    failures = {path for members in groups.values() for path in members.failures}
+    if failures:
         typer.echo(f"{len(failures)} runs failed", err=True)
         raise typer.Exit(1)
 
 
 def _demand_none(options: Mapping[str, object]) -> None:
     """Raise ConfigurationError for options of statistics next to ``--table``."""
-    if option := next((name for name, value in options.items() if value), None):
+    option = next((name for name, value in options.items() if value), None)
+    if option is not None:
         raise ConfigurationError(f"--table: writes all values and compares nothing; {option} is for statistics")
 
 
 def _document(
     groups: Mapping[str, ValueGroup], comparison: GroupComparison, parameter: str, truth: str | None
 ) -> dict[str, Any]:
-    """Return statistics, comparison and verdicts of the groups as JSON can hold them."""
+    """Return statistics, comparison and verdicts of the groups as plain data, None for numbers that are not finite."""
     unit = list(groups.values())[-1].unit
     tables = repeatability({name: group.values for name, group in groups.items()})
-    for of_units in comparison.groups:
-        group, table = groups[of_units.name], tables[of_units.name]
-        # The statistics of units, where they are not those of single values.
-        for key, value in of_units.table().items():
-            if key not in table or not comparison.singles:
-                table[key] = value
-        common = np.array(group.common)
-        table |= {"common": common_part(common), "combined_of_mean": combined_of_mean(table["std_of_mean"], common)}
-        tracked = [(reading.folder, reading.track) for reading in group.readings if reading.key == ""]
-        table["force_error"] = force_error(tracked)
-        if truth is not None:
-            stated = np.array([reading.std or 0.0 for reading in group.readings])
-            table["truth"] = against_truth(table["mean"], table["std_of_mean"], stated, _truth(truth, unit))
+    for unit_group in comparison.groups:
+        name = unit_group.name
+        # The statistics of units go before those of single values, unless each unit is a single value.
+        for key, statistic in unit_group.table().items():
+            if key not in tables[name] or not comparison.singles:
+                tables[name][key] = statistic
+        true_value = None if truth is None else _true_value(truth, unit)
+        tables[name] |= _group_statistics(groups[name], tables[name], true_value)
     counts = {
         "parameter": parameter,
         "unit": unit,
         "skipped": sum(group.skipped for group in groups.values()),
         "rejected": {run: reason for group in groups.values() for run, reason in group.rejected.items()},
-        "verdicts": {name: dict(group.words) for name, group in groups.items()},
+        "verdicts": {name: dict(group.verdicts) for name, group in groups.items()},
     }
     document: dict[str, Any] = finite_tree({**counts, "groups": tables, **comparison.table()})
     return document
 
 
-def _show(document: dict[str, Any], as_json: bool, details: bool) -> None:
+def _group_statistics(group: ValueGroup, table: Mapping[str, Any], true_value: float | None) -> dict[str, Any]:
+    """Return the statistics of a group that need more than its values, by the mean and its uncertainty in the table.
+
+    They are the common part of the uncertainties, that of the mean with it, the force error, and the error of the mean.
+    """
+    common = np.array(group.common)
+    # Only runs, which have no key, have tables of estimates.
+    runs = [(reading.folder, reading.track) for reading in group.readings if reading.key == ""]
+    statistics = {
+        "common": common_part(common),
+        "combined_of_mean": combined_of_mean(table["std_of_mean"], common),
+        "force_error": force_error(runs),
+    }
+    if true_value is not None:
+        combined = np.array([reading.std or 0.0 for reading in group.readings])
+        statistics["truth"] = error_of_mean(table["mean"], table["std_of_mean"], combined, true_value)
+    return statistics
+
+
+def _print_document(document: dict[str, Any], as_json: bool, details: bool) -> None:
     """Print the document, as tables or as JSON."""
     if as_json:
         typer.echo(json.dumps(document, indent=2))
@@ -150,17 +166,21 @@ def _show(document: dict[str, Any], as_json: bool, details: bool) -> None:
         terminal.print(view, highlight=False, markup=False)
 
 
-def _runs(path: Path, overrides: list[str], out: Path | None, scheduler: str | None, stage: str | None) -> list[Path]:
-    """Return the runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
+def _runs_of(
+    path: Path, overrides: list[str], out: Path | None, scheduler: str | None, stage: str | None
+) -> list[Path]:
+    """Return the runs of a source: those in a folder of runs, or those made of a pipeline file. Raises UserError."""
     if path.suffix == ".toml" and path.is_file():
         return perform(path, overrides, out, scheduler, stage)
-    if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json", "fits.csv")):
-        return sorted((inner.parent for inner in path.glob("*/result.json")), key=natural) or [path]
-    return [path]
+    is_result = any((path / name).exists() for name in ("fit.json", "result.json", "fits.csv"))
+    if not path.is_dir() or is_result:
+        return [path]
+    runs = [result.parent for result in path.glob("*/result.json")]
+    return sorted(runs, key=natural) or [path]
 
 
-def _truth(text: str, unit: str) -> float:
-    """Return the true value [SI]; raises ConfigurationError."""
+def _true_value(text: str, unit: str) -> float:
+    """Return the value [SI] of a text such as "282.1 kPa"; raises ConfigurationError for another unit, and for 0."""
     try:
         value = to_si(text, unit)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""The ``[repeat]`` table: how often a palpation is made again."""
+"""The ``[repeat]`` table: the number of palpations, with the pause and the step between them."""
 
 from __future__ import annotations
 

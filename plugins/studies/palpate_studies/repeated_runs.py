@@ -22,107 +22,130 @@ from palpate_studies.repeat_settings import RepeatSettings
 
 @runtime_checkable
 class ConditionedDevice(Protocol):
-    """A simulated device whose specimen knows what was done to it."""
+    """A simulated device whose specimen remembers palpations."""
 
     def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
-        """This device after palpations at distances [m] and ages [s]."""
+        """Return this device after earlier palpations, pairs of distance [m] and age [s]."""
         ...
 
 
-def _settings(pipeline: Pipeline) -> RepeatSettings:
+def _repeat_settings(pipeline: Pipeline) -> RepeatSettings:
+    """Return the table [repeat]; raises ConfigurationError without one."""
     settings = pipeline.tables.get("repeat")
     if not isinstance(settings, RepeatSettings):
         raise ConfigurationError(f"{pipeline.path}: has no table [repeat], such as [repeat] count = 50")
     return settings
 
 
-def _by_the_clock(pipeline: Pipeline) -> bool:
-    """Return True if something moves that takes its time: an arm, or a simulation that keeps the pace of one."""
+def _takes_time(pipeline: Pipeline) -> bool:
+    """Return True if a device moves in real time: an arm, or a simulation that keeps the pace of one."""
     return any(device.live or getattr(device, "pace", "") == "real-time" for device in pipeline.devices.values())
 
 
 def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
-    """Yield the pipeline of each palpation: its own seed, its own name, and the motion moved on.
+    """Yield the pipeline of each palpation, with its own seed and name, its motion shifted by the step.
 
-    Raises ConfigurationError where there is nothing to repeat, or where one of the motions breaks the limits.
+    Raises ConfigurationError without a table [repeat], and if one of the motions breaks the limits.
     """
-    settings = _settings(pipeline)
+    settings = _repeat_settings(pipeline)
     if len(pipeline.trajectories) != 1:
         raise ConfigurationError(f"{pipeline.path}: [repeat] needs one trajectory, not {len(pipeline.trajectories)}")
     ((name, motion),) = pipeline.trajectories.items()
-    way, pause = math.hypot(*settings.step), duration_of(motion) + settings.wait
-    moved: Any = pipeline.registry.find("trajectory", "moved")
-    for k in range(settings.count):
-        run = pipeline.run.model_copy(
-            update={"seed": pipeline.run.seed + k, "name": f"{pipeline.run.name} ({k + 1} of {settings.count})"}
-        )
-        there = moved(of=motion, by=tuple(k * step for step in settings.step)) if any(settings.step) else motion
-        if pipeline.safety is not None and (problems := check_motion(there, pipeline.safety).problems):
-            raise ConfigurationError(f"{pipeline.path}: palpation {k + 1} of {settings.count}: {'; '.join(problems)}")
-        devices = {
-            key: device.conditioned((m * way, m * pause) for m in range(1, k + 1))
-            if isinstance(device, ConditionedDevice)
-            else device
-            for key, device in pipeline.devices.items()
-        }
-        yield replace(pipeline, run=run, trajectories={name: there}, devices=devices)
+    period = duration_of(motion) + settings.wait  # [s]
+    moved_trajectory: Any = pipeline.registry.find("trajectory", "moved")
+    for index in range(settings.count):
+        title = f"{index + 1} of {settings.count}"
+        update = {"seed": pipeline.run.seed + index, "name": f"{pipeline.run.name} ({title})"}
+        run = pipeline.run.model_copy(update=update)
+        shifted_motion = motion
+        if any(settings.step):
+            shifted_motion = moved_trajectory(of=motion, by=tuple(index * step for step in settings.step))
+        if pipeline.safety is not None:
+            problems = check_motion(shifted_motion, pipeline.safety).problems
+            if problems:
+                raise ConfigurationError(f"{pipeline.path}: palpation {title}: {'; '.join(problems)}")
+        devices = _conditioned_devices(pipeline, index, settings, period)
+        yield replace(pipeline, run=run, trajectories={name: shifted_motion}, devices=devices)
+
+
+def _conditioned_devices(
+    pipeline: Pipeline, earlier_count: int, settings: RepeatSettings, period: float
+) -> dict[str, Device]:
+    """Return the devices after a number of earlier palpations, each one step and one period [s] before the next."""
+    distance = math.hypot(*settings.step)  # [m]
+    devices: dict[str, Device] = {}
+    for name, device in pipeline.devices.items():
+        if isinstance(device, ConditionedDevice):
+            earlier = ((m * distance, m * period) for m in range(1, earlier_count + 1))
+            devices[name] = device.conditioned(earlier)
+        else:
+            devices[name] = device
+    return devices
 
 
 def perform(
     path: Path, overrides: Sequence[str], out: Path | None, scheduler: str | None = None, stage: str | None = None
 ) -> list[Path]:
-    """Make every palpation of a pipeline file; their run folders, in one new folder.
+    """Make every palpation of a pipeline file; return their run folders, which are in one new folder.
 
-    Nothing moves before all of them were checked, and after one that was stopped or failed nothing moves any more: each
+    Nothing moves before all motions were checked, and after one that was stopped or failed nothing moves any more: each
     is a run of its own, with all its limits. Simulations can run on the workers of a scheduler. Raises UserError.
     """
     demand_scheduler(scheduler, stage)
     pipeline = load_pipeline(path if scheduler is None else path.resolve(), overrides)
     planned = list(palpations(pipeline))
-    if scheduler is not None and _by_the_clock(pipeline):
+    takes_time = _takes_time(pipeline)
+    if scheduler is not None and takes_time:
         raise ConfigurationError(f"{path}: --scheduler is for simulations that keep no clock: an arm moves by itself")
-    wait = _settings(pipeline).wait if _by_the_clock(pipeline) and pipeline.run.rehearsal is None else 0.0
     folder = make_folder(f"{pipeline.run.name}-repeated", out, datetime.now(UTC).astimezone())
     if scheduler is not None:
-        return _spread(planned, folder, scheduler, stage)
-    done: list[Path] = []
+        return _perform_on_cluster(planned, folder, scheduler, stage)
+    # A simulation that is faster than time, and a rehearsal, do not wait.
+    wait = _repeat_settings(pipeline).wait if takes_time and pipeline.run.rehearsal is None else 0.0
+    run_folders: list[Path] = []
     try:
-        for k, one in enumerate(planned, start=1):
-            if done:
+        for number, palpation in enumerate(planned, start=1):
+            if run_folders:
                 clock().sleep(wait)
-            with progress(f"palpation {k} of {len(planned)}", "s"):
-                result = run_pipeline(one, _place(folder, k, len(planned)), report_progress)
+            with progress(f"palpation {number} of {len(planned)}", "s"):
+                result = run_pipeline(palpation, _run_folder(folder, number, len(planned)), report_progress)
             result.demand_whole()
-            done.append(result.folder)
-            typer.echo(f"palpation {k} of {len(planned)}: {result.folder}", err=True)
+            run_folders.append(result.folder)
+            typer.echo(f"palpation {number} of {len(planned)}: {result.folder}", err=True)
     except UserError:
-        typer.echo(f"{len(done)} of {len(planned)} palpations are whole, in {folder}", err=True)
+        typer.echo(f"{len(run_folders)} of {len(planned)} palpations are whole, in {folder}", err=True)
         raise
     typer.echo(f"to share it: palpate report {folder}/*", err=True)
-    return done
+    return run_folders
 
 
-def _place(folder: Path, number: int, count: int) -> Path:
+def _run_folder(folder: Path, number: int, count: int) -> Path:
+    """Return the folder of a palpation by its number, with as many digits as the count of all."""
     return folder / f"{number:0{len(str(count))}d}"
 
 
-def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str, stage: str | None) -> list[Path]:
-    """Return every palpation on the workers of a scheduler; raises PalpateError where one failed, when all have
-    ended."""
+def _perform_on_cluster(planned: Sequence[Pipeline], folder: Path, scheduler: str, stage: str | None) -> list[Path]:
+    """Make palpations on the workers of a scheduler; return their run folders in order.
+
+    Raises the PalpateError of the first one that failed, after all have ended.
+    """
     from palpate_kit.jobs.cluster import on_cluster
 
     count = len(planned)
-    jobs = [Job(str(k), pipeline, _place(folder, k, count)) for k, pipeline in enumerate(planned, start=1)]
-    done: dict[int, Path] = {}
-    failures: dict[int, PalpateError] = {}
-    with progress("palpations", "", count), closing(on_cluster(scheduler, folder, stage)(jobs)) as found:
-        for job, outcome in found:
+    jobs = [
+        Job(str(number), pipeline, _run_folder(folder, number, count))
+        for number, pipeline in enumerate(planned, start=1)
+    ]
+    run_folders: dict[int, Path] = {}  # by number
+    failures: dict[int, PalpateError] = {}  # by number
+    with progress("palpations", "", count), closing(on_cluster(scheduler, folder, stage)(jobs)) as outcomes:
+        for job, outcome in outcomes:
             if isinstance(outcome, PalpateError):
                 failures[int(job.name)] = outcome
             else:
-                done[int(job.name)] = outcome.result.folder
-            report_progress(len(done) + len(failures))
-    typer.echo(f"{len(done)} of {count} palpations are whole, in {folder}", err=True)
+                run_folders[int(job.name)] = outcome.result.folder
+            report_progress(len(run_folders) + len(failures))
+    typer.echo(f"{len(run_folders)} of {count} palpations are whole, in {folder}", err=True)
     if failures:
         raise failures[min(failures)]
-    return [done[k] for k in sorted(done)]
+    return [run_folders[number] for number in sorted(run_folders)]

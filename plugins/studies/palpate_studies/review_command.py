@@ -1,4 +1,4 @@
-"""``palpate repeat review``: which of many runs stand out, and which of them are left out of what comes after."""
+"""``palpate repeat review``: ratings of many runs, and marks on those that later commands leave out."""
 
 from __future__ import annotations
 
@@ -22,53 +22,66 @@ from palpate_kit.terminal.result_screen import with_legend
 from palpate_kit.terminal.result_table import ResultRow, ResultTable, TableValue
 from palpate_kit.terminal.table import Table, console, shortened
 
-from palpate_studies.parameter_values import ParameterValue, readings, tell_left_out
+from palpate_studies.parameter_values import ParameterValue, readings, report_left_out
 
-# What is left of the rating by a verdict; what cannot be used is worth nothing.
-_BY_VERDICT = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
-_FAR = 3.5  # robust standard deviations (Iglewicz and Hoaglin 1993)
-_FEWEST = 4  # of a group; among fewer nobody stands out
-_WIDE = 110  # characters of a line without a terminal
-_SURELY = 0.01  # of the median: a smaller spread does not matter
+# Share of the full rating by verdict, a choice: an invalid value cannot be used, a doubtful one may be right.
+_VERDICT_SHARES = {"good": 1.0, "note": 1.0, "doubtful": 0.6, "invalid": 0.0}
+_FULL_RATING = 10.0
+_MAX_DISTANCE = 3.5  # robust standard deviations (Iglewicz and Hoaglin 1993)
+_ROBUST_STD = 1.4826  # of the median absolute deviation, for a normal distribution
+_MIN_GROUP = 4  # usable values of a group, a choice: among fewer nobody stands out
+_MIN_SPREAD_SHARE = 0.01  # of the median, a choice: a smaller spread does not matter
+_TINY_DISTANCE = 1e-9  # keeps a denominator above 0
+_TINY_SPREAD = 1e-300  # the same
+_WIDTH = 110  # characters of a line without a terminal, a choice: that of the table
 
 
 @dataclass(frozen=True)
 class RatedValue:
-    """One reading and how it stands in its group."""
+    """One reading with its rating and its distances from the group."""
 
     reading: ParameterValue
-    apart: float | None  # of the value from the group's median, in robust standard deviations
-    residual_apart: float | None  # the same of its residual, upwards only
+    value_distance: float | None  # from the group's median, in robust standard deviations
+    residual_distance: float | None  # the same of the residual [N], 0 below the median
     rating: float  # 0 to 10
 
 
 def rate_values(group: Sequence[ParameterValue]) -> list[RatedValue]:
-    """Readings with their ratings, the worst first.
+    """Return readings with their ratings, the worst first.
 
-    A rating is 10 times the share for the verdict, times 3.5/z for the value and for the residual where they are more
-    than z = 3.5 robust standard deviations (1.4826 times the median absolute deviation) from the group's median; a
-    residual that is small is not a fault. What was rejected, or cannot be used, does not count for the group.
+    A rating is 10 times the share for the verdict, times min(1, 3.5/|z|) for the value and for the residual. Their
+    distance z from the median of the group is in robust standard deviations, 1.4826 times the median absolute
+    deviation; a residual below the median counts as 0. Readings that were rejected, or cannot be used, do not count
+    for the group.
     """
-    values = _apart(group, [reading.value for reading in group])
-    residuals = _apart(group, [reading.residual for reading in group])
-    found = []
-    for reading, value, residual in zip(group, values, residuals, strict=True):
-        high = None if residual is None else max(residual, 0.0)
-        share = _BY_VERDICT.get(reading.verdict, 0.0) if reading.value is not None else 0.0
-        for apart in (value, high):
-            share *= 1.0 if apart is None else min(1.0, _FAR / max(abs(apart), 1e-9))
-        found.append(RatedValue(reading, value, high, 10.0 * share))
-    return sorted(found, key=lambda one: (one.rating, natural(one.reading.name)))
+    value_distances = _distances(group, [reading.value for reading in group])
+    residual_distances = _distances(group, [reading.residual for reading in group])
+    ratings: list[RatedValue] = []
+    for reading, value_distance, residual_distance in zip(group, value_distances, residual_distances, strict=True):
+        excess = None if residual_distance is None else max(residual_distance, 0.0)
+        share = _VERDICT_SHARES.get(reading.verdict, 0.0) if reading.value is not None else 0.0
+        share *= _distance_share(value_distance)
+        share *= _distance_share(excess)
+        ratings.append(RatedValue(reading, value_distance, excess, _FULL_RATING * share))
+    return sorted(ratings, key=lambda rated: (rated.rating, natural(rated.reading.name)))
 
 
-def _apart(group: Sequence[ParameterValue], values: Sequence[float | None]) -> list[float | None]:
-    """How far each value is from the median of what is usable; None where that is not known."""
-    known = np.array([v for reading, v in zip(group, values) if reading.usable and v is not None and math.isfinite(v)])
-    if len(known) < _FEWEST:
+def _distance_share(distance: float | None) -> float:
+    """Return the share of the full rating by a distance in standard deviations; 1 for an unknown one."""
+    return 1.0 if distance is None else min(1.0, _MAX_DISTANCE / max(abs(distance), _TINY_DISTANCE))
+
+
+def _distances(group: Sequence[ParameterValue], values: Sequence[float | None]) -> list[float | None]:
+    """Return the distance of each value from the median of usable ones, in robust standard deviations.
+
+    `values` are numbers of the readings of the group. None for a value that is not known, and for all of a small group.
+    """
+    usable = np.array([v for reading, v in zip(group, values) if reading.usable and v is not None and math.isfinite(v)])
+    if len(usable) < _MIN_GROUP:
         return [None] * len(values)
-    centre = float(np.median(known))
-    spread = 1.4826 * float(np.median(np.abs(known - centre)))
-    spread = max(spread, _SURELY * abs(centre), 1e-300)
+    centre = float(np.median(usable))
+    robust_std = _ROBUST_STD * float(np.median(np.abs(usable - centre)))
+    spread = max(robust_std, _MIN_SPREAD_SHARE * abs(centre), _TINY_SPREAD)
     return [None if v is None or not math.isfinite(v) else (v - centre) / spread for v in values]
 
 
@@ -98,110 +111,126 @@ def review(
     """
     if reject and not (reason or "").strip():
         raise ConfigurationError('--reject: say why, with --reason "..."')
-    group, failures = _read(runs, track, parameter, where)
+    group, failure_count = _read_group(runs, track, parameter, where)
     if reject or accept or clear:
-        marks: dict[Mark, Sequence[str]] = {"bad": reject or (), "good": accept or (), "none": clear or ()}
-        _mark(group, marks, (reason or "").strip())
-        group, failures = _read(runs, track, parameter, where)
-    found = rate_values(group)
+        names_by_mark: dict[Mark, Sequence[str]] = {"bad": reject or (), "good": accept or (), "none": clear or ()}
+        _write_marks(group, names_by_mark, (reason or "").strip())
+        group, failure_count = _read_group(runs, track, parameter, where)
+    ratings = rate_values(group)
     if as_json:
-        typer.echo(json.dumps(finite_tree({"parameter": parameter, "runs": [_row(one) for one in found]}), indent=2))
+        rows = [_json_row(rated) for rated in ratings]
+        typer.echo(json.dumps(finite_tree({"parameter": parameter, "runs": rows}), indent=2))
     else:
-        terminal = console(_WIDE)
-        terminal.print(shortened(_table(found, parameter)), highlight=False)
-        terminal.print(_partition([one.reading for one in found], parameter), highlight=False)
-    if failures:
+        terminal = console(_WIDTH)
+        terminal.print(shortened(_rating_table(ratings, parameter)), highlight=False)
+        terminal.print(_partition([rated.reading for rated in ratings], parameter), highlight=False)
+    if failure_count:
         raise typer.Exit(1)
 
 
-def _read(
+def _read_group(
     runs: Sequence[Path], track: str | None, parameter: str, where: str | None
 ) -> tuple[list[ParameterValue], int]:
-    """All readings, and how many files could not be read; raises what the only one raised."""
-    found: list[ParameterValue] = []
+    """Return the readings of all files, and the number of files that could not be read.
+
+    Raises the UserError of the first file if none could be read, ConfigurationError without any reading.
+    """
+    group: list[ParameterValue] = []
     failures: dict[str, UserError] = {}
     for path in sorted(set(runs), key=natural):
         try:
-            found += readings(path, track, parameter, first=True, where=where)
+            group += readings(path, track, parameter, first=True, where=where)
         except UserError as error:
             failures[str(path)] = error.with_traceback(None)
-    tell_left_out(failures, others=bool(found))
-    if not found:
-        nothing = "name at least one run folder" if where is None else f"--where {where!r}: holds of no curve"
-        raise ConfigurationError(nothing)
-    return found, len(failures)
+    report_left_out(failures, has_values=bool(group))
+    if not group:
+        raise ConfigurationError(
+            "name at least one run folder" if where is None else f"--where {where!r}: holds of no curve"
+        )
+    return group, len(failures)
 
 
 _OPTIONS: dict[Mark, str] = {"bad": "--reject", "good": "--accept", "none": "--clear"}
 
 
-def _mark(group: Sequence[ParameterValue], marks: Mapping[Mark, Sequence[str]], reason: str) -> None:
-    """Write marks next to the results; raises ConfigurationError for a name that none, or more than one, has."""
+def _write_marks(group: Sequence[ParameterValue], names_by_mark: Mapping[Mark, Sequence[str]], reason: str) -> None:
+    """Write marks next to the results, a rejection with its reason.
+
+    Raises ConfigurationError, before any is written, for a name that no reading or more than one has.
+    """
     changes: list[tuple[ParameterValue, Mark]] = [
-        (_named(group, name, _OPTIONS[mark]), mark) for mark, names in marks.items() for name in names
+        (_reading_named(group, name, _OPTIONS[mark]), mark) for mark, names in names_by_mark.items() for name in names
     ]
     for reading, mark in changes:
         write_mark(reading.folder, reading.key, mark, reason if mark == "bad" else "")
 
 
-def _named(group: Sequence[ParameterValue], name: str, option: str) -> ParameterValue:
+def _reading_named(group: Sequence[ParameterValue], name: str, option: str) -> ParameterValue:
+    """Return the reading with a whole name, else with its last part; raises ConfigurationError without a single one."""
     exact = [reading for reading in group if name.rstrip("/") == reading.name]
-    known = exact or [reading for reading in group if name in (Path(reading.name).name, reading.key or None)]
-    if not known:
+    candidates = exact or [reading for reading in group if name in (Path(reading.name).name, reading.key or None)]
+    if not candidates:
         raise ConfigurationError(f"{option}: no run is called {name!r}{suggest(name, [r.name for r in group])}")
-    if len(known) > 1:
-        raise ConfigurationError(f"{option}: {name!r} may be {' or '.join(reading.name for reading in known)}")
-    return known[0]
+    if len(candidates) > 1:
+        raise ConfigurationError(f"{option}: {name!r} may be {' or '.join(reading.name for reading in candidates)}")
+    return candidates[0]
 
 
 def _partition(readings: Sequence[ParameterValue], parameter: str) -> str:
-    """Return how many of some readings have which word, and how many of them are rejected."""
-    rows = [
-        ResultRow(one.name, one.track, {parameter: TableValue(parameter, one.value, math.nan, one.unit, one.verdict)})
-        for one in readings
-        if one.rejected is None
-    ]
+    """Return the line with the numbers of readings of each verdict, and of rejected ones."""
+    rows: list[ResultRow] = []
+    for reading in readings:
+        if reading.rejected is None:
+            value = TableValue(parameter, reading.value, math.nan, reading.unit, reading.verdict)
+            rows.append(ResultRow(reading.name, reading.track, {parameter: value}))
     line = ResultTable(tuple(rows), thing="value").partition()
-    rejected = len(readings) - len(rows)
-    return f"{line}; {rejected} more rejected" if rejected else line
+    rejected_count = len(readings) - len(rows)
+    return f"{line}; {rejected_count} more rejected" if rejected_count else line
 
 
-def _row(one: RatedValue) -> dict[str, object]:
-    reading = one.reading
+def _json_row(rated: RatedValue) -> dict[str, object]:
+    """Return a rated reading as plain data."""
+    reading = rated.reading
     return {
-        "name": reading.name, "track": reading.track, "rating": one.rating, "value": reading.value,
-        "combined": reading.std, "unit": reading.unit, "apart": one.apart, "residual": reading.residual,
-        "residual_apart": one.residual_apart, "verdict": reading.verdict,
+        "name": reading.name, "track": reading.track, "rating": rated.rating, "value": reading.value,
+        "combined": reading.std, "unit": reading.unit, "apart": rated.value_distance, "residual": reading.residual,
+        "residual_apart": rated.residual_distance, "verdict": reading.verdict,
         "flags": [flag.code for flag in reading.flags], "rejected": reading.rejected,
     }  # fmt: skip
 
 
-def _table(found: Sequence[RatedValue], parameter: str) -> Table:
-    word, factor = display_unit(found[0].reading.unit)
-    known = [abs(one.reading.residual) for one in found if one.reading.residual is not None]
-    force, newtons = force_unit(float(np.median(known)) if known else 1.0)
-    headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", f"residual\n{force}", "verdict", "flags"]
-    folders = dict.fromkeys(one.reading.folder for one in found)
-    short = len(folders) == 1 and all(one.reading.key for one in found)
+def _rating_table(ratings: Sequence[RatedValue], parameter: str) -> Table:
+    """Return the table of rated readings; of a single folder of curves without its name in each row."""
+    unit_symbol, factor = display_unit(ratings[0].reading.unit)
+    residuals = [abs(rated.reading.residual) for rated in ratings if rated.reading.residual is not None]
+    residual_unit, residual_factor = force_unit(float(np.median(residuals)) if residuals else 1.0)
+    folders = dict.fromkeys(rated.reading.folder for rated in ratings)
+    is_one_folder = len(folders) == 1 and all(rated.reading.key for rated in ratings)
     rows = []
-    for one in found:
-        reading = one.reading
-        value = (
-            "-"
-            if reading.value is None
-            else value_with_uncertainty(reading.value * factor, (reading.std or 0.0) * factor)
-        )
-        is_doubted = verdict_word(reading.verdict) != "good"
-        codes = "\n".join(dict.fromkeys(flag.code for flag in reading.flags if is_doubted and flag.severity != "note"))
-        said = verdict_word(reading.verdict) if reading.rejected is None else f"rejected:\n{reading.rejected}"
-        rows.append([
-            reading.key if short else reading.name, f"{one.rating:.1f}", value, _number(one.apart, "+.1f"),
-            "-" if reading.residual is None else f"{newtons * reading.residual:.3g}", said, codes,
-        ])  # fmt: skip
-    tracks = ", ".join(dict.fromkeys(one.reading.track for one in found))
-    place = f" in {next(iter(folders))}" if short else ""
+    for rated in ratings:
+        reading = rated.reading
+        value, residual = "-", "-"
+        if reading.value is not None:
+            value = value_with_uncertainty(reading.value * factor, (reading.std or 0.0) * factor)
+        if reading.residual is not None:
+            residual = f"{residual_factor * reading.residual:.3g}"
+        distance = _number(rated.value_distance, "+.1f")
+        name = reading.key if is_one_folder else reading.name
+        rows.append([name, f"{rated.rating:.1f}", value, distance, residual, *_verdict_cells(reading)])
+    headings = ["run", "rating", f"{parameter}\n{unit_symbol}", "apart\nsigma", f"residual\n{residual_unit}"]
+    headings += ["verdict", "flags"]
+    tracks = ", ".join(dict.fromkeys(rated.reading.track for rated in ratings))
+    place = f" in {next(iter(folders))}" if is_one_folder else ""
     return Table.of(with_legend(f"{tracks}{place}, the worst first"), headings, rows, ["run", "verdict", "flags"])
 
 
+def _verdict_cells(reading: ParameterValue) -> tuple[str, str]:
+    """Return the verdict of a reading, or its rejection, and the codes of the flags that count against it."""
+    verdict = verdict_word(reading.verdict)
+    codes = dict.fromkeys(flag.code for flag in reading.flags if verdict != "good" and flag.severity != "note")
+    return verdict if reading.rejected is None else f"rejected:\n{reading.rejected}", "\n".join(codes)
+
+
 def _number(value: float | None, form: str) -> str:
+    """Return a number in a form; a dash for one that is not finite, and without one."""
     return "-" if value is None or not math.isfinite(value) else format(value, form)
