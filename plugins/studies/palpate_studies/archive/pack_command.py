@@ -45,16 +45,16 @@ def pack(
     if out.suffix != ".zip":
         raise ConfigurationError(f"--out {out}: an archive's name ends in .zip")
     options = {"by": by} if by else {}
-    with progress(f"pack {folder}"), TemporaryDirectory(prefix="palpate-") as place:
-        root = Path(place)
+    with progress(f"pack {folder}"), TemporaryDirectory(prefix="palpate-") as temporary_folder:
+        root = Path(temporary_folder)
         write_study(FitFolder(folder), root)
         write_pages(root / FITS, options)
         digests = {name: digest_of(path) for name, path in files_below(root).items()}
         left_out = {name: digest for name, digest in digests.items() if hashes and name.startswith(f"{CURVES}/")}
         for name in left_out:
             (root / name).unlink()
-        kept = {name: digest for name, digest in digests.items() if name not in left_out}
-        write_whole(root / MANIFEST, Manifest(library_versions(), options, kept, left_out).text)
+        packed = {name: digest for name, digest in digests.items() if name not in left_out}
+        write_whole(root / MANIFEST, Manifest(library_versions(), options, files=packed, left_out=left_out).text)
         write_archive(root, out)
-    typer.echo(f"{out}: {len(kept)} files, SHA-256 {digest_of(out)}")
+    typer.echo(f"{out}: {len(packed)} files, SHA-256 {digest_of(out)}")
     typer.echo(f"to check it: palpate verify {out}{' --curves FOLDER' if left_out else ''}")

@@ -1,4 +1,4 @@
-"""The pages of a study: what other families make of a folder of fits, made again from the same files."""
+"""The pages of a study, which other families make of a folder of fits, the same from the same files."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from palpate_kit.curves.fit_folder import FitFolder
 def write_pages(fits: Path, options: Mapping[str, str]) -> list[str]:
     """Write report, methods, the table for the supplement and the figure of the groups into a folder of fits.
 
-    Answers the names of the files; raises UserError.
+    Return the names of the files; raises UserError.
     """
     pages = ["report.html", "methods.txt", "methods.tex", "methods.bib", "supplement.csv", "supplement.tex"]
-    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # they name a folder that goes
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # what they print names a temporary folder
         report = analysis("report")
         report([fits], **options)
         report([fits], methods=True, **options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from io import StringIO
@@ -38,24 +38,24 @@ from palpate_studies.archive.archive_file import FITS, Manifest, digest_of, file
 from palpate_studies.archive.row_differences import RowDifference, row_differences
 from palpate_studies.archive.study_pages import write_pages
 
-_SHOWN = 20  # differences on a screen
+_MAX_DIFFERENCES = 20  # that are shown, a choice: a screen
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found when a study was made again."""
+    """The comparison of a packed study with the one that was made again."""
 
-    curves: int
+    curves: int  # how many
     packed_with: str  # version of palpate
-    this: str
-    other_versions: dict[str, tuple[str, str]]  # of what numbers depend on, by name: packed with, and here
-    same_files: list[str]
+    this: str  # version of palpate
+    other_versions: dict[str, tuple[str, str]]  # by library on which numbers depend: packed with, and here
+    same_files: list[str]  # to the byte
     other_files: list[str]
-    differences: list[RowDifference]
+    differences: list[RowDifference]  # of the tables of fits
 
     @property
     def passed(self) -> bool:
-        """Whether all is the same to the byte; by another version of palpate, whether every number is."""
+        """True if all files are the same to the byte; for another version of palpate, if every number is the same."""
         return not self.differences and (not self.other_files or self.packed_with != self.this)
 
 
@@ -75,31 +75,32 @@ def verify(
     Otherwise it says which numbers differ, and by how many of their uncertainties, and exits with 1. Nothing of the
     archive is executed; a plugin file that it names only with your consent, as of palpate trust.
     """
-    with _place(out) as root:
+    with _empty_folder(out) as root:
         manifest = unpack(archive, root)
-        _take_curves(archive, root, manifest, curves)
+        _copy_curves(archive, root, manifest, curves)
         try:
             _demand_harmless(archive, root)
         except ConsentError as error:
-            told = str(error).replace(str(root), str(out or "FOLDER"))
-            more = "" if out else f"; FOLDER is what palpate verify {shlex.quote(str(archive))} --out FOLDER unpacks"
-            raise ConsentError(f"{told}{more}") from error
+            # A temporary folder is of no use to a person, who unpacks the archive to look at the plugin file.
+            problem = str(error).replace(str(root), str(out or "FOLDER"))
+            advice = "" if out else f"; FOLDER is what palpate verify {shlex.quote(str(archive))} --out FOLDER unpacks"
+            raise ConsentError(f"{problem}{advice}") from error
         with print_aside(as_json):
-            found = _made_again(root / FITS, manifest, jobs)
+            verification = _verify_fits(root / FITS, manifest, jobs)
     if as_json:
-        print_json({"archive": archive, "same": found.passed, **found.__dict__})
+        print_json({"archive": archive, "same": verification.passed, **verification.__dict__})
     else:
-        _show(archive, found)
-    if not found.passed:
+        _print_verification(archive, verification)
+    if not verification.passed:
         raise typer.Exit(1)
 
 
 @contextmanager
-def _place(out: Path | None) -> Iterator[Path]:
-    """A new folder, that stays where it is named."""
+def _empty_folder(out: Path | None) -> Iterator[Path]:
+    """Make an empty folder, without a name a temporary one; raises OutputError for a folder that is not empty."""
     if out is None:
-        with TemporaryDirectory(prefix="palpate-") as place:
-            yield Path(place).resolve()
+        with TemporaryDirectory(prefix="palpate-") as temporary_folder:
+            yield Path(temporary_folder).resolve()
         return
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -110,26 +111,29 @@ def _place(out: Path | None) -> Iterator[Path]:
     yield out.resolve()
 
 
-def _take_curves(archive: Path, root: Path, manifest: Manifest, curves: Path | None) -> None:
-    """Copy the curves that the archive has hashes of, wherever they are below a folder; raises ConfigurationError."""
+def _copy_curves(archive: Path, root: Path, manifest: Manifest, curves: Path | None) -> None:
+    """Copy the curves that an archive has hashes of to their names below `root`, from anywhere below a folder `curves`.
+
+    Raises ConfigurationError without that folder, and if it lacks a curve, LogError if one cannot be copied.
+    """
     if not manifest.left_out:
         return
-    if curves is None or not curves.is_dir():
-        told = (
-            f"--curves {curves}: is not a folder"
-            if curves
-            else "has hashes of its curves only: name theirs, --curves FOLDER"
-        )
-        raise ConfigurationError(f"{archive}: {told}")
+    if curves is None:
+        raise ConfigurationError(f"{archive}: has hashes of its curves only: name theirs, --curves FOLDER")
+    if not curves.is_dir():
+        raise ConfigurationError(f"{archive}: --curves {curves}: is not a folder")
     names = {Path(name).name for name in manifest.left_out}
-    known = {digest_of(path): path for path in sorted(curves.rglob("*")) if path.name in names and path.is_file()}
-    if gone := [name for name, digest in manifest.left_out.items() if digest not in known]:
-        raise ConfigurationError(f"--curves {curves}: {len(gone)} curves of the study are not there, such as {gone[0]}")
+    files = {digest_of(path): path for path in sorted(curves.rglob("*")) if path.name in names and path.is_file()}
+    missing = [name for name, digest in manifest.left_out.items() if digest not in files]
+    if missing:
+        raise ConfigurationError(
+            f"--curves {curves}: {len(missing)} curves of the study are not there, such as {missing[0]}"
+        )
     for name, digest in manifest.left_out.items():
         target = root / name
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(known[digest], target)
+            shutil.copyfile(files[digest], target)
         except OSError as error:
             raise LogError(f"{archive}: {name!r} cannot be copied: {error.strerror or error}") from error
 
@@ -139,66 +143,84 @@ def _demand_harmless(archive: Path, root: Path) -> None:
     folder = FitFolder(root / FITS)
     if not folder.names:
         raise LogError(f"{archive}: has no curves")
-    outside = f"{archive}: names a file outside of it"
-    if (place := folder.curves_folder) is not None and not place.resolve().is_relative_to(root):
-        raise LogError(f"{outside}, or a folder: [run] curves of {SETTINGS}")
+    problem = f"{archive}: names a file outside of it"
+    curves_folder = folder.curves_folder
+    if curves_folder is not None and not curves_folder.resolve().is_relative_to(root):
+        raise LogError(f"{problem}, or a folder: [run] curves of {SETTINGS}")
     for name in folder.names:
         file = Path(folder.file_of(name))
         if not (file.resolve().is_relative_to(root) and file.exists()):
-            raise LogError(f"{outside}, or that it has not: {printable(str(file))} of the curve {printable(name)}")
-    for dialect, own in dict.fromkeys((folder.dialect_of(name), folder.settings_of(name)) for name in folder.names):
+            raise LogError(f"{problem}, or that it has not: {printable(str(file))} of the curve {printable(name)}")
+    # Each pipeline that reads curves, with the settings of single curves.
+    pipelines = dict.fromkeys((folder.dialect_of(name), folder.settings_of(name)) for name in folder.names)
+    for dialect, own_settings in pipelines:
         source = Source(folder.settings_text(dialect), root / FITS / SETTINGS, enclosure=Enclosure(root / archive.name))
-        for assignment in own:
+        for assignment in own_settings:
             source.override(assignment)
-        plugin_files(source)
+        plugin_files(source)  # raises ConsentError
         for device in build_pipeline(source).devices.values():
             log = getattr(device, "file", None)
             if not (isinstance(log, Path) and log.resolve().is_relative_to(root)):
-                raise LogError(f"{outside}, or reads none: [device.*] of {SETTINGS}")
+                raise LogError(f"{problem}, or reads none: [device.*] of {SETTINGS}")
 
 
-def _made_again(fits: Path, manifest: Manifest, jobs: int | None) -> Verification:
-    """The folder of fits without its results, fitted and reported again, and compared with what was packed."""
-    packed = {name: path.read_bytes() for name, path in files_below(fits).items()}
-    before = fitted_rows(fits / TABLE)
+def _verify_fits(fits: Path, manifest: Manifest, jobs: int | None) -> Verification:
+    """Fit and report the curves of a folder of fits again, and return the comparison with the packed results."""
+    packed_files = {name: path.read_bytes() for name, path in files_below(fits).items()}
+    packed_rows = fitted_rows(fits / TABLE)
+    # An empty table of fits, which fitting fills.
     (fits / TABLE).unlink()
     write_rows(fits / TABLE, columns_of_fits(offline(dialect_pipeline(FitFolder(fits)))), ())
     with redirect_stdout(StringIO()), suppress(typer.Exit):  # of curves that cannot be fitted, which are rows, too
         analysis("fit")([fits], jobs=jobs)
-    if PROVENANCE in packed:
-        write_whole(fits / PROVENANCE, packed[PROVENANCE])
-    made = [TABLE, *write_pages(fits, manifest.options)]
-    same = [name for name in made if (fits / name).read_bytes() == packed.get(name)]
-    differences = list(row_differences(before, fitted_rows(fits / TABLE)))
-    here = library_versions()
-    others = {
-        name: (said, here.get(name, "none")) for name, said in manifest.versions.items() if here.get(name) != said
-    }
+    # Pages state the provenance of the packed fits.
+    if PROVENANCE in packed_files:
+        write_whole(fits / PROVENANCE, packed_files[PROVENANCE])
+    new_files = [TABLE, *write_pages(fits, manifest.options)]
+    same_files = [name for name in new_files if (fits / name).read_bytes() == packed_files.get(name)]
+    versions = library_versions()
+    other_versions: dict[str, tuple[str, str]] = {}
+    for name, packed_version in manifest.versions.items():
+        if versions.get(name) != packed_version:
+            other_versions[name] = packed_version, versions.get(name, "none")
     return Verification(
-        len({row["curve"] for row in before}), manifest.versions.get("palpate", "?"), here["palpate"], others, same,
-        [name for name in made if name not in same], differences,
-    )  # fmt: skip
+        curves=len({row["curve"] for row in packed_rows}),
+        packed_with=manifest.versions.get("palpate", "?"),
+        this=versions["palpate"],
+        other_versions=other_versions,
+        same_files=same_files,
+        other_files=[name for name in new_files if name not in same_files],
+        differences=list(row_differences(packed_rows, fitted_rows(fits / TABLE))),
+    )
 
 
-def _show(archive: Path, found: Verification) -> None:
-    typer.echo(f"{archive}: {found.curves} curves, packed with palpate {found.packed_with}")
-    if found.other_versions:
-        told = ", ".join(f"{name} {here} (was {said})" for name, (said, here) in found.other_versions.items())
-        typer.echo(f"this is another version: {told}")
-    if not found.other_files:
-        typer.echo(f"same to the byte: {', '.join(found.same_files)}")
+def _print_verification(archive: Path, verification: Verification) -> None:
+    """Print versions and files, then the cells that differ, those by the most uncertainties first."""
+    typer.echo(f"{archive}: {verification.curves} curves, packed with palpate {verification.packed_with}")
+    if verification.other_versions:
+        versions = [
+            f"{name} {present} (was {packed})" for name, (packed, present) in verification.other_versions.items()
+        ]
+        typer.echo(f"this is another version: {', '.join(versions)}")
+    if not verification.other_files:
+        typer.echo(f"same to the byte: {', '.join(verification.same_files)}")
         return
-    if not found.differences:
-        typer.echo(f"every number is the same; of other bytes: {', '.join(found.other_files)}")
+    if not verification.differences:
+        typer.echo(f"every number is the same; of other bytes: {', '.join(verification.other_files)}")
         return
-    ranked = sorted(found.differences, key=lambda one: -math.inf if one.in_u is None else -one.in_u)
-    known = [one.in_u for one in ranked if one.in_u is not None]
-    most = f", numbers by at most {max(known):.2g} u" if known else ""
-    cells = "1 cell differs" if len(ranked) == 1 else f"{len(ranked)} cells differ"
-    typer.echo(f"{TABLE}: {cells}{most}")
-    for one in ranked[:_SHOWN]:
-        by = "" if one.in_u is None else f" ({one.in_u:.2g} u)"
-        pair = f"{one.packed or 'none'} packed, {one.found or 'none'} here"
-        typer.echo(printable(f"  {one.curve} {one.column}: {pair}{by}"))
-    if len(ranked) > _SHOWN:
-        typer.echo(f"  and {len(ranked) - _SHOWN} more: --json shows all")
+    _print_differences(verification.differences)
+
+
+def _print_differences(differences: Sequence[RowDifference]) -> None:
+    """Print the number of cells that differ, and the first: words, then numbers by their distance."""
+    ranked = sorted(differences, key=lambda cell: -math.inf if cell.in_u is None else -cell.in_u)
+    distances = [cell.in_u for cell in ranked if cell.in_u is not None]
+    max_distance = f", numbers by at most {max(distances):.2g} u" if distances else ""
+    count = "1 cell differs" if len(ranked) == 1 else f"{len(ranked)} cells differ"
+    typer.echo(f"{TABLE}: {count}{max_distance}")
+    for cell in ranked[:_MAX_DIFFERENCES]:
+        distance = "" if cell.in_u is None else f" ({cell.in_u:.2g} u)"
+        pair = f"{cell.packed or 'none'} packed, {cell.found or 'none'} here"
+        typer.echo(printable(f"  {cell.curve} {cell.column}: {pair}{distance}"))
+    if len(ranked) > _MAX_DIFFERENCES:
+        typer.echo(f"  and {len(ranked) - _MAX_DIFFERENCES} more: --json shows all")
