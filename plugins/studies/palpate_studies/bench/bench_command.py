@@ -25,7 +25,7 @@ from palpate_kit.terminal.table import console
 from palpate_studies.bench.bench_table import csv_text, lines_below, scene_matrix, scene_table, summaries
 from palpate_studies.bench.records import BenchRecord, portions, records_of
 
-_ROWS, _SETTINGS = "rows.jsonl", "bench.json"
+_ROWS_FILE, _SETTINGS_FILE = "rows.jsonl", "bench.json"
 _INTERRUPTED = 130  # exit code of a command that was stopped from the keyboard: 128 and the number of the signal
 
 
@@ -65,12 +65,13 @@ def bench(
     of the force that the estimate of the sample before predicts, NIS, time to settle and cost.
     """
     bench_records = _records(files or [], overrides or [], records)
-    folder = _folder(bench_records, out)
+    folder = _bench_folder(bench_records, out)
+    # What an earlier attempt has measured is not measured again.
     rows = _kept_rows(folder)
-    done = set(map(_key, rows))
-    missing = [record for record in bench_records if record.key not in done]
-    rows += _measured(missing, folder, engine_of(scheduler, jobs, folder, stage), len(bench_records))
-    order = {record.key: place for place, record in enumerate(bench_records)}
+    measured_keys = {_key(row) for row in rows}
+    missing = [record for record in bench_records if record.key not in measured_keys]
+    rows += _measure(missing, folder, engine_of(scheduler, jobs, folder, stage), len(bench_records))
+    order = {record.key: index for index, record in enumerate(bench_records)}
     rows.sort(key=lambda row: order[_key(row)])
     summary_rows = summaries(rows)
     write_whole(folder / "records.csv", csv_text(rows))
@@ -79,14 +80,14 @@ def bench(
     if as_json:
         print_json({"folder": folder, "records": len(bench_records), "rows": summary_rows})
     else:
-        _print(summary_rows, details)
+        _print_summary(summary_rows, details)
     if picture:
         _draw(bench_records, summary_rows, folder, as_json)
     failed = sum(row["failed"] for row in summary_rows)
-    before = len(bench_records) - len(missing)
-    counts = f"{len(bench_records)} records, {failed} estimates failed, {before} found in the folder"
+    kept_count = len(bench_records) - len(missing)
+    counts = f"{len(bench_records)} records, {failed} estimates failed, {kept_count} found in the folder"
     typer.echo(f"{counts}: {folder}", err=as_json or layout() != "table")
-    if len(set(map(_key, rows))) < len(bench_records):
+    if len({_key(row) for row in rows}) < len(bench_records):
         typer.echo(f"stopped; go on with --out {folder}", err=True)
         raise typer.Exit(_INTERRUPTED)
 
@@ -124,10 +125,10 @@ def _draw(records: Sequence[BenchRecord], rows: Sequence[Row], folder: Path, as_
 
 def _with_plugin_files() -> list[str]:
     """Return settings by which all estimators and models of plugin files take part, each under its own name."""
-    registered = registry.load()
+    plugins = registry.load()
     settings = []
     for part_kind in ("estimator", "model"):
-        for name, entry in registered.parts[part_kind].items():
+        for name, entry in plugins.parts[part_kind].items():
             if entry.plugin.name.endswith(".py"):
                 settings.append(f"{part_kind}.{name}.type={json.dumps(name)}")
                 if "indenter" in entry.part.model_fields:
@@ -135,8 +136,11 @@ def _with_plugin_files() -> list[str]:
     return settings
 
 
-def _measured(records: Sequence[BenchRecord], folder: Path, engine: Engine, total: int) -> list[Row]:
-    """Measure records, keep the rows of each portion as soon as it is done, and return them all."""
+def _measure(records: Sequence[BenchRecord], folder: Path, engine: Engine, total: int) -> list[Row]:
+    """Measure records and return their rows; those of each portion are written to the folder as soon as it is done.
+
+    `total` is the number of all records of the bench, for the progress. A stop by a person ends it early.
+    """
     rows: list[Row] = []
     with (
         progress("bench", "records", total),
@@ -149,16 +153,16 @@ def _measured(records: Sequence[BenchRecord], folder: Path, engine: Engine, tota
                 break
             if isinstance(outcome, PalpateError):
                 raise outcome
-            with (folder / _ROWS).open("a", encoding="utf-8") as file:
+            with (folder / _ROWS_FILE).open("a", encoding="utf-8") as file:
                 file.write("".join(json.dumps(row) + "\n" for row in outcome.more))
             rows += outcome.more
-            report_progress(total - len(records) + len(set(map(_key, rows))))
+            report_progress(total - len(records) + len({_key(row) for row in rows}))
     return rows
 
 
 def _kept_rows(folder: Path) -> list[Row]:
-    """Return the rows that an earlier attempt has written whole; a portion that was cut short is measured again."""
-    path = folder / _ROWS
+    """Return the rows that an earlier attempt has written whole; a row that was cut is left out."""
+    path = folder / _ROWS_FILE
     if not path.is_file():
         return []
     rows: list[Row] = []
@@ -168,30 +172,32 @@ def _kept_rows(folder: Path) -> list[Row]:
     return rows
 
 
-def _folder(records: Sequence[BenchRecord], out: Path | None) -> Path:
+def _bench_folder(records: Sequence[BenchRecord], out: Path | None) -> Path:
     """Return the folder of a bench: a new one, or one that holds a part of this very bench; raises OutputError."""
-    plans = [[record.scene, record.number, record.plan.text, list(record.plan.overrides)] for record in records]
-    text = json_text(plans)
-    if out is None or not (out / _SETTINGS).is_file():
+    settings = [[record.scene, record.number, record.plan.text, list(record.plan.overrides)] for record in records]
+    text = json_text(settings)
+    if out is None or not (out / _SETTINGS_FILE).is_file():
         folder = make_folder("bench", out, datetime.now(UTC).astimezone())
-        write_new(folder / _SETTINGS, text)
+        write_new(folder / _SETTINGS_FILE, text)
         return folder
-    if bounded_text(out / _SETTINGS) != text:
+    if bounded_text(out / _SETTINGS_FILE) != text:
         raise OutputError(f"{out}: holds a bench of other records or settings; give --out another folder")
     return out
 
 
-def _print(rows: Sequence[Row], details: bool) -> None:
-    """Print a column for each of several scenes, or all measures of one; with `details` those of each."""
+def _print_summary(rows: Sequence[Row], details: bool) -> None:
+    """Print a column for each of several scenes, or all measures of one; with `details`, or as CSV, those of each."""
     screen = console()
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    is_file = layout() != "table"
-    if len(scenes) > 1 and not is_file:
+    is_csv = layout() != "table"
+    if len(scenes) > 1 and not is_csv:
         screen.print(scene_matrix(rows).view())
-    for scene in scenes if details or is_file or len(scenes) == 1 else ():
-        of_scene = [row for row in rows if row["scene"] == scene]
-        if len(scenes) > 1:
-            screen.print(f"\n{scene}", highlight=False)
-        screen.print(scene_table(of_scene, is_file).view())
-    for line in lines_below(rows) if not is_file else ():
-        screen.print(line, highlight=False)
+    if details or is_csv or len(scenes) == 1:
+        for scene in scenes:
+            if len(scenes) > 1:
+                screen.print(f"\n{scene}", highlight=False)
+            scene_rows = [row for row in rows if row["scene"] == scene]
+            screen.print(scene_table(scene_rows, is_whole=is_csv).view())
+    if not is_csv:
+        for line in lines_below(rows):
+            screen.print(line, highlight=False)

@@ -15,9 +15,11 @@ from palpate_kit.terminal.result_screen import filled
 from palpate_kit.terminal.result_table import SYMBOLS
 from palpate_kit.terminal.table import Table
 
-MANY = 100  # records of a scene, from which on its coverage is shown
-_FAR = 2.0  # u, rms: beyond it the errors are larger than stated
-_NORMAL_QUANTILE = 1.96
+MANY = 100  # records of a scene, from which on its coverage is shown: a choice, with fewer a share is not known
+_MAX_OFF = 2.0  # rms of errors over their combined uncertainty u: beyond it they are larger than stated; a choice
+_NORMAL_95 = 1.96  # standard deviations of 95 % of a normal distribution
+_MIN_WHOLE = 10  # from which on a number is shown whole, a choice: two digits
+_MIN_POWER = 1e4  # from which on it is shown with an exponent, a choice: a narrow column
 _LEGEND = (
     "rms error of {value} in %, in brackets of the force that the sample before predicts; ! errors of more than 2 u "
     "(rms); cost of a sample"
@@ -29,65 +31,82 @@ def summaries(rows: Iterable[Row]) -> list[Row]:
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["scene"], row["track"]), []).append(row)
-    return [_summary(scene, track, of_both) for (scene, track), of_both in groups.items()]
+    return [_summary(scene, track, group) for (scene, track), group in groups.items()]
 
 
 def _summary(scene: str, track: str, rows: Sequence[Row]) -> Row:
-    """Return the summary of the records of one scene and track."""
+    """Return the summary of the records of one scene and track; numbers are None where no record has one.
+
+    NAME_error is the rms of relative errors, NAME_off that of errors over u, NAME_within_2u the share of records whose
+    error is at most 2 u, with its interval.
+    """
     valid = [row for row in rows if not row.get("reason")]
     names = dict.fromkeys(key.removesuffix("_error") for row in valid for key in row if key.endswith("_error"))
     summary: Row = {"scene": scene, "track": track, "records": len(rows), "failed": len(rows) - len(valid)}
     for name in names:
-        errors = _numbers(valid, f"{name}_error")
-        summary |= {f"{name}_error": _rms(errors), f"{name}_off": _rms(_numbers(valid, f"{name}_off"))}
-        inside = [off <= _FAR for off in _numbers(valid, f"{name}_off")]
-        low, high = _share_interval(sum(inside), len(inside))
-        summary |= {f"{name}_within_2u": sum(inside) / len(inside) if inside else None}
-        summary |= {f"{name}_within_low": low, f"{name}_within_high": high}
+        offs = _numbers(valid, f"{name}_off")
+        summary[f"{name}_error"] = _rms(_numbers(valid, f"{name}_error"))
+        summary[f"{name}_off"] = _rms(offs)
+        inside_count = sum(off <= _MAX_OFF for off in offs)
+        low, high = _share_interval(inside_count, len(offs))
+        summary[f"{name}_within_2u"] = inside_count / len(offs) if offs else None
+        summary[f"{name}_within_low"] = low
+        summary[f"{name}_within_high"] = high
     for key in ("prediction", "nis", "nis_low", "nis_high", "settled", "seconds_per_sample", "samples"):
         numbers = _numbers(valid, key)
         summary[key] = median(numbers) if numbers else None
-    slow = [SLOW] if 2 * sum(bool(row.get("is_slow")) for row in rows) > len(rows) else []
-    reasons = [row["reason"] for row in rows if row.get("reason")]
-    return summary | {"reason": "; ".join([*reasons[:1], *slow])}
+    # The first reason of a failure, and that most of the records were slow.
+    reasons = [row["reason"] for row in rows if row.get("reason")][:1]
+    slow_count = sum(bool(row.get("is_slow")) for row in rows)
+    if 2 * slow_count > len(rows):
+        reasons.append(SLOW)
+    return summary | {"reason": "; ".join(reasons)}
 
 
 def _numbers(rows: Sequence[Row], key: str) -> list[float]:
+    """Return the numbers of a column, of the rows that have one."""
     return [row[key] for row in rows if isinstance(row.get(key), int | float)]
 
 
 def _rms(values: Sequence[float]) -> float | None:
+    """Return the root of the mean square of values; None without any."""
     return math.sqrt(sum(value**2 for value in values) / len(values)) if values else None
 
 
 def _share_interval(count: int, total: int) -> tuple[float | None, float | None]:
-    """Return the interval of 95 % of a share, by Wilson (1927)."""
+    """Return the ends of the interval of 95 % of the share p = count/total, by Wilson (1927); None without records.
+
+    They are (p + z^2/2n -+ z sqrt(p (1 - p)/n + z^2/4n^2))/(1 + z^2/n) with n = total and z = 1.96.
+    """
     if not total:
         return None, None
-    share, z2 = count / total, _NORMAL_QUANTILE**2
+    share, z2 = count / total, _NORMAL_95**2
     middle = (share + z2 / (2 * total)) / (1 + z2 / total)
-    half = _NORMAL_QUANTILE * math.sqrt(share * (1 - share) / total + z2 / (4 * total**2)) / (1 + z2 / total)
-    return middle - half, middle + half
+    half_width = _NORMAL_95 * math.sqrt(share * (1 - share) / total + z2 / (4 * total**2)) / (1 + z2 / total)
+    return middle - half_width, middle + half_width
 
 
 def scene_matrix(rows: Sequence[Row]) -> Table:
     """Return a row for each track and a column for each scene: the error of the first value, or of the prediction."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     tracks = list(dict.fromkeys(row["track"] for row in rows if row["track"]))
-    by_both = {(row["scene"], row["track"]): row for row in rows}
+    rows_by_key = {(row["scene"], row["track"]): row for row in rows}
+    # Tracks of one model are named by their estimators.
     model = next(iter({track.partition("/")[0] for track in tracks}), "")
     is_one_model = all(track.startswith(f"{model}/") for track in tracks)
     cells = []
     for track in tracks:
-        costs = [row["seconds_per_sample"] for row in rows if row["track"] == track and row["seconds_per_sample"]]
+        track_costs = [row["seconds_per_sample"] for row in rows if row["track"] == track]
+        costs = [cost for cost in track_costs if cost]  # [s]
         name = track.partition("/")[2] if is_one_model else track
-        scene_cells = [_scene_cell(by_both.get((scene, track))) for scene in scenes]
+        scene_cells = [_scene_cell(rows_by_key.get((scene, track))) for scene in scenes]
         cells.append([name, *scene_cells, _number(1e6 * median(costs)) if costs else "-"])
     head = f"{model}/" if is_one_model else "track"
     return Table("", (head, *scenes, "us"), tuple(map(tuple, cells)), (head,), is_plain=True)
 
 
 def _scene_cell(row: Row | None) -> str:
+    """Return the error of a track in a scene [%], with a mark if it is larger than stated; in brackets of the force."""
     if row is None:
         return ""
     if row["failed"] == row["records"]:
@@ -95,34 +114,42 @@ def _scene_cell(row: Row | None) -> str:
     name = _first_value(row)
     if name is None:
         return f"({_percent(row['prediction'])})"
-    return f"{_percent(row[f'{name}_error'])}{'!' if (row[f'{name}_off'] or 0.0) > _FAR else ''}"
+    mark = "!" if (row[f"{name}_off"] or 0.0) > _MAX_OFF else ""
+    return f"{_percent(row[f'{name}_error'])}{mark}"
 
 
 def _first_value(row: Row) -> str | None:
+    """Return the name of the first value with an error; None without a truth."""
     return next((key.removesuffix("_error") for key in row if key.endswith("_error")), None)
 
 
 def scene_table(rows: Sequence[Row], is_whole: bool = False) -> Table:
     """Return a row for each track of one scene: errors, distance in u, prediction, NIS, time to settle, cost.
 
-    From 100 records on with the share of records within 2 u and its interval. A table that `is_whole` has the reasons
-    of failures as well.
+    From 100 records on, it has the share of records within 2 u, with its interval. A table that `is_whole` has this and
+    the reasons of failures.
     """
     names = list(dict.fromkeys(key.removesuffix("_error") for row in rows for key in row if key.endswith("_error")))
     has_coverage = is_whole or max(row["records"] for row in rows) >= MANY
     heads = ["track", "of"]
     for name in names:
         symbol = name if is_whole else SYMBOLS.get(name, name)
-        heads += [f"{symbol}\nerror %", f"{symbol}\noff u", *([f"{symbol}\n% in 2 u"] if has_coverage else [])]
-    heads += ["force\n%", "NIS", "settled\ns", "cost\nus", *(["reason"] if is_whole else [])]
+        heads += [f"{symbol}\nerror %", f"{symbol}\noff u"]
+        if has_coverage:
+            heads.append(f"{symbol}\n% in 2 u")
+    heads += ["force\n%", "NIS", "settled\ns", "cost\nus"]
+    if is_whole:
+        heads.append("reason")
     cells = [_scene_row(row, names, has_coverage)[: len(heads)] for row in rows]
     texts = ("track", "reason")
     return Table("", tuple(heads), tuple(map(tuple, cells)), texts, is_plain=True, spare=0 if is_whole else 2)
 
 
 def _scene_row(row: Row, names: Sequence[str], has_coverage: bool) -> list[str]:
-    valid, count = row["records"] - row["failed"], row["records"]
-    cells = [row["track"], str(count) if valid == count else f"{valid}/{count}"]
+    """Return the cells of a track in a scene, for values of some names, the reason of a failure last."""
+    count = row["records"]
+    valid_count = count - row["failed"]
+    cells = [row["track"], str(count) if valid_count == count else f"{valid_count}/{count}"]
     for name in names:
         cells += [_percent(row.get(f"{name}_error")), _number(row.get(f"{name}_off"))]
         if has_coverage:
@@ -135,15 +162,15 @@ def _scene_row(row: Row, names: Sequence[str], has_coverage: bool) -> list[str]:
 
 
 def lines_below(rows: Sequence[Row]) -> Iterator[str]:
-    """Return what the cells are, and each reason of a failure with the scenes and tracks that it is of."""
+    """Yield the legend of the cells, and each reason of a failure with its scenes and tracks."""
     value = next((SYMBOLS.get(name, name) for row in rows if (name := _first_value(row))), "E")
     yield from filled(_LEGEND.format(value=value), "  ")
     reasons: dict[str, list[str]] = {}
     for row in rows:
         if row["reason"]:
             reasons.setdefault(row["reason"], []).append(f"{row['scene']} {row['track']}".strip())
-    for reason, rows_of_reason in reasons.items():
-        yield from filled(f"{', '.join(rows_of_reason)}: {reason}", "  ")
+    for reason, failed_tracks in reasons.items():
+        yield from filled(f"{', '.join(failed_tracks)}: {reason}", "  ")
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -157,6 +184,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _percent(value: float | None) -> str:
+    """Return a share in percent; a dash without one."""
     return _number(None if value is None else 100 * value)
 
 
@@ -164,6 +192,6 @@ def _number(value: float | None) -> str:
     """Return a number with two digits, from 10 on as a whole number; a dash without one."""
     if value is None or not math.isfinite(value):
         return "-"
-    if value >= 1e4:
+    if value >= _MIN_POWER:
         return f"{value:.0e}"
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+    return f"{value:.0f}" if value >= _MIN_WHOLE else f"{value:.2g}"
