@@ -56,7 +56,7 @@ def requested_columns(log: CsvSettings) -> list[RequestedColumn]:
 
 
 def column_indices(columns: Sequence[RequestedColumn], layout: TableLayout, path: Path) -> list[int]:
-    """Return the index of each column in the file; raises LogError for a name that no or two columns have."""
+    """Return the index of each column in the file; raises LogError for a name that no column has, or two."""
     names = [*(layout.names or ())]
     indices = []
     for column in columns:

@@ -76,6 +76,7 @@ def lateral_columns(
     height = values[:, picks["position"]]
     vector_stems = {sheet.names[index][:-1] for role, index in picks.items() if role != "position"} - {""}
     for index, name in enumerate(sheet.names):
+        # "Fx" next to a force "Fz" is another axis of that.
         if index in picks.values() or name[:-1] in vector_stems:
             continue
         axis = _lateral_axis(name)

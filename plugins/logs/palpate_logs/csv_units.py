@@ -33,13 +33,14 @@ def units_of(
     a unit of mass that of its weight; else the likeliest by the range of the numbers, under a tip.
     """
     picks = guess.picks
-    columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}
+    columns = {role: int(pick.series.key[1]) for role, pick in picks.items()}  # indices; a key is topic and column
     spans = {role: span_of(pick.series.values) for role, pick in picks.items()}
     units = _stated_units(sheet, columns)
     unit_guesses: dict[str, str] = {}
     for role, pick in picks.items():
         if role not in units and needs_scale(sheet, pick, role):
             units[role] = _SCALED_UNITS[role]
+    # A load in grams is a weight.
     written_unit = sheet.written_unit(columns["force"])
     weight_unit = weight_of(written_unit)
     if weight_unit and "force" not in units:
@@ -47,6 +48,7 @@ def units_of(
         unit_guesses["force"] = (
             f"unit of the force: {weight_unit} is a guess: a load in {written_unit} is taken for its weight"
         )
+    # The position first: the force of a press depends on its depth.
     if "position" not in units:
         units["position"] = length_unit(spans["position"], tip)
         unit_guesses["position"] = (

@@ -74,6 +74,7 @@ class SegmentReader:
         number_type = table[f"{encoder}type"]
         if number_type not in _ENCODERS:
             raise ValueError(f"numbers of type {number_type} are not read")
+        # From whole numbers to readings; files name the keys of the encoder in either way.
         numbers = np.frombuffer(self.archive.read(f"{folder}channels/{name}.dat"), np.dtype(_ENCODERS[number_type]))
         readings = _apply_scale(numbers.astype(float), table, f"{encoder}scaling.")
         calibrations = _calibrations(table, name, slot)

@@ -67,6 +67,7 @@ def _table_rows(topics: Mapping[str, TopicArrays]) -> tuple[Stamps, dict[str, Fl
 
     It has a row for each time-stamp of any topic, and as many rows of one as any topic has messages of that instant.
     """
+    # The key of a row is its time-stamp, and how many equal ones the topic has before it.
     keys = [np.stack([topic.stamps, _occurrence(topic.stamps)]) for topic in topics.values()]
     row_keys, rows = np.unique(np.concatenate(keys, axis=1), axis=1, return_inverse=True)
     rows = rows.ravel()
