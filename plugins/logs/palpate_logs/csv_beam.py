@@ -19,10 +19,17 @@ def deflections(series: Sequence[NumberColumn]) -> list[NumberColumn]:
     Empty if no other length is left for the position.
     """
     forces = [column for column in series if column.role == "force"]
-    heights = [column for column in series if column.role == "position"]
-    lengths = [column for column in series if column in heights or (column.role == "other" and _is_length(column))]
-    bends = [length for length in lengths if any(_is_spring(length.values, force.values) for force in forces)]
-    return bends if any(height not in bends for height in heights) else []
+    bends: list[NumberColumn] = []
+    has_height = False
+    for column in series:
+        is_height = column.role == "position"
+        if not is_height and not (column.role == "other" and _is_length(column)):
+            continue
+        if any(_is_spring(column.values, force.values) for force in forces):
+            bends.append(column)
+        elif is_height:
+            has_height = True
+    return bends if has_height else []
 
 
 def _is_length(column: NumberColumn) -> bool:

@@ -56,15 +56,17 @@ def units_of(
         )
     if "force" not in units:
         travel = spans["position"] * si_unit(units["position"])[1] * sheet.scale(columns["position"])  # [m]
-        units["force"], elasticity = force_unit(spans["force"], travel, tip)
-        tip_name = "the tip" if tip is not None else "a tip of 5 mm"
-        unit_guesses["force"] = (
-            f"unit of the force: {units['force']} is a guess: {tip_name} would then measure some "
-            f"{elasticity / 1e3:.3g} kPa"
-        )
+        units["force"], unit_guesses["force"] = _guess_force_unit(spans["force"], travel, tip)
     if "velocity" in picks and "velocity" not in units:
         units["velocity"], unit_guesses["velocity"] = _guess_speed_unit(guess, units["position"], has_time)
     return units, unit_guesses
+
+
+def _guess_force_unit(span: float, travel: float, tip: Indenter | None) -> tuple[str, str]:
+    """Return the likeliest unit of a force by its range as recorded and that of the position [m], and a sentence."""
+    unit, elasticity = force_unit(span, travel, tip)
+    tip_name = "the tip" if tip is not None else "a tip of 5 mm"
+    return unit, f"unit of the force: {unit} is a guess: {tip_name} would then measure some {elasticity / 1e3:.3g} kPa"
 
 
 def _stated_units(sheet: Sheet, columns: Mapping[str, int]) -> dict[str, str]:

@@ -26,31 +26,36 @@ def table_windows(topic_files: Mapping[str, TopicFiles]) -> Iterator[tuple[Stamp
     lengths = {topic: len(files) for topic, files in topic_files.items()}
     next_rows = dict.fromkeys(topic_files, 0)
     window_rows = _window_rows(topic_files)
-    while True:
+    is_last = False
+    while not is_last:
         report_progress(sum(next_rows.values()), sum(lengths.values()))
-        # The stamps of a window of each topic, and the one behind it.
-        stamps_ahead = {
-            topic: files.stamps(next_rows[topic], min(next_rows[topic] + window_rows + 1, lengths[topic]))
-            for topic, files in topic_files.items()
-        }
-        stamps_behind = [int(stamps[window_rows]) for stamps in stamps_ahead.values() if len(stamps) > window_rows]
-        if not stamps_behind:
-            yield _table_rows(
-                {topic: files.rows(next_rows[topic], lengths[topic]) for topic, files in topic_files.items()}
-            )
-            return
-        edge = min(stamps_behind)
-        if all(not len(stamps) or stamps[0] >= edge for stamps in stamps_ahead.values()):
-            # More messages of one instant than a window holds: all of them are one window.
-            end_rows = {topic: int(np.searchsorted(files.stamps(), edge + 1)) for topic, files in topic_files.items()}
-        else:
-            end_rows = {
-                topic: next_rows[topic] + int(np.searchsorted(stamps, edge)) for topic, stamps in stamps_ahead.items()
-            }
+        end_rows = _window_end(topic_files, next_rows, window_rows)
+        is_last = end_rows is None
+        if end_rows is None:
+            end_rows = lengths
         yield _table_rows(
             {topic: files.rows(next_rows[topic], end_rows[topic]) for topic, files in topic_files.items()}
         )
         next_rows = end_rows
+
+
+def _window_end(
+    topic_files: Mapping[str, TopicFiles], next_rows: Mapping[str, int], window_rows: int
+) -> dict[str, int] | None:
+    """Return the row of each topic behind a window from the next rows on; None if all that remains is one window."""
+    # The stamps of a window of each topic, and the one behind it: the first of these is the edge.
+    stamps_ahead: dict[str, Stamps] = {}
+    for topic, files in topic_files.items():
+        end_row = min(next_rows[topic] + window_rows + 1, len(files))
+        stamps_ahead[topic] = files.stamps(next_rows[topic], end_row)
+    stamps_behind = [int(stamps[window_rows]) for stamps in stamps_ahead.values() if len(stamps) > window_rows]
+    if not stamps_behind:
+        return None
+    edge = min(stamps_behind)
+    if all(not len(stamps) or stamps[0] >= edge for stamps in stamps_ahead.values()):
+        # More messages of one instant than a window holds: all of them are one window.
+        return {topic: int(np.searchsorted(files.stamps(), edge + 1)) for topic, files in topic_files.items()}
+    return {topic: next_rows[topic] + int(np.searchsorted(stamps, edge)) for topic, stamps in stamps_ahead.items()}
 
 
 def _window_rows(topic_files: Mapping[str, TopicFiles]) -> int:

@@ -202,10 +202,12 @@ def _json_row(rated: RatedValue) -> dict[str, object]:
 def _rating_table(ratings: Sequence[RatedValue], parameter: str) -> Table:
     """Return the table of rated readings; of a single folder of curves without its name in each row."""
     unit_symbol, factor = display_unit(ratings[0].reading.unit)
+    # Residuals are in the unit of their median.
     residuals = [abs(rated.reading.residual) for rated in ratings if rated.reading.residual is not None]
     residual_unit, residual_factor = force_unit(float(np.median(residuals)) if residuals else 1.0)
     folders = dict.fromkeys(rated.reading.folder for rated in ratings)
     is_one_folder = len(folders) == 1 and all(rated.reading.key for rated in ratings)
+    # A row for each reading.
     rows = []
     for rated in ratings:
         reading = rated.reading

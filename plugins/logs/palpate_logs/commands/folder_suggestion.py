@@ -37,11 +37,13 @@ def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_j
     if not groups:
         name, reason = next(iter(refused.items()))
         raise LogError(f"{name}: {reason}")
-    paths = [None if out is None else _numbered_path(out, number) for number in range(1, len(groups) + 1)]
-    texts = [
-        pipeline_of(group.suggestion, group.logs[0], None if path is None else path.parent)
-        for group, path in zip(groups, paths, strict=True)
-    ]
+    # Each group has a pipeline, by the suggestion for its first log; paths are relative to the file, if there is one.
+    paths: list[Path | None] = []
+    texts: list[str] = []
+    for number, group in enumerate(groups, start=1):
+        path = None if out is None else _numbered_path(out, number)
+        paths.append(path)
+        texts.append(pipeline_of(group.suggestion, group.logs[0], None if path is None else path.parent))
     _write_pipelines(paths, texts)
     # The pipelines go to standard output, all else to standard error.
     if as_json:
@@ -49,13 +51,18 @@ def suggest_folder(folder: Path, choices: dict[str, str], out: Path | None, as_j
         print_json({"pipelines": texts, "files": files, "refused": refused})
     elif out is None:
         typer.echo(texts[0], nl=False)
+    _print_groups(groups, paths, refused)
+    if out is not None:
+        typer.echo(f"fit the files of one: palpate fit FILES --each --pipeline {out}", err=True)
+
+
+def _print_groups(groups: list[AlikeLogs[Path]], paths: list[Path | None], refused: dict[str, str]) -> None:
+    """Print a report of each group, the largest first, and the reason for each file that cannot be read."""
     for group, path in zip(groups, paths, strict=True):
         largest_group = None if group is groups[0] else groups[0]
         typer.echo(_group_report(group, largest_group, path), err=True)
     for name, reason in refused.items():
         typer.echo(f"{name}: {printable(reason)}", err=True)
-    if out is not None:
-        typer.echo(f"fit the files of one: palpate fit FILES --each --pipeline {out}", err=True)
 
 
 def _numbered_path(out: Path, number: int) -> Path:

@@ -107,7 +107,7 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
 
     A log of a run carries its pipeline, which is taken, but for the channels that a person chooses.
     """
-    system = system_at(str(log))
+    system = system_at(str(log))  # a running one, at an address in place of a log
     run_log = read_run_log(log) if system is None else None
     if run_log is not None and not choices and picture is None:
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
@@ -118,12 +118,14 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
     note = rate_note(choices, [suggestion])
     if note:
         typer.echo(note, err=True)
+    # What a person must state, and what to check.
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
     for text in suggestion.doubts:
         typer.echo(f"check: {printable(text)}", err=True)
     if picture is not None:
         draw_suggestion(suggestion, printable(log.name), picture)
+    # The pipeline of the run with other channels, else one of the suggestion.
     if run_log is not None:
         kept_keys = f"all but {', '.join(choices)}" if choices else "all"
         typer.echo(f"{log}: {kept_keys} is that of its run", err=True)

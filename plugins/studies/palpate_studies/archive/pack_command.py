@@ -47,8 +47,10 @@ def pack(
     options = {"by": by} if by else {}
     with progress(f"pack {folder}"), TemporaryDirectory(prefix="palpate-") as temporary_folder:
         root = Path(temporary_folder)
+        # The folder of fits and what it names, with its pages.
         write_study(FitFolder(folder), root)
         write_pages(root / FITS, options)
+        # The hashes of all files; curves that are left out keep theirs.
         digests = {name: digest_of(path) for name, path in files_below(root).items()}
         left_out = {name: digest for name, digest in digests.items() if hashes and name.startswith(f"{CURVES}/")}
         for name in left_out:

@@ -122,6 +122,7 @@ def _copy_curves(archive: Path, root: Path, manifest: Manifest, curves: Path | N
         raise ConfigurationError(f"{archive}: has hashes of its curves only: name theirs, --curves FOLDER")
     if not curves.is_dir():
         raise ConfigurationError(f"{archive}: --curves {curves}: is not a folder")
+    # Curves are found by their hashes, among files of their names: a folder may hold much else.
     names = {Path(name).name for name in manifest.left_out}
     files = {digest_of(path): path for path in sorted(curves.rglob("*")) if path.name in names and path.is_file()}
     missing = [name for name, digest in manifest.left_out.items() if digest not in files]

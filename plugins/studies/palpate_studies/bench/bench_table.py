@@ -35,23 +35,12 @@ def summaries(rows: Iterable[Row]) -> list[Row]:
 
 
 def _summary(scene: str, track: str, rows: Sequence[Row]) -> Row:
-    """Return the summary of the records of one scene and track; numbers are None where no record has one.
-
-    NAME_error is the rms of relative errors, NAME_off that of errors over u, NAME_within_2u the share of records whose
-    error is at most 2 u, with its interval.
-    """
+    """Return the summary of the records of one scene and track; a measure is None if no record has it."""
     valid = [row for row in rows if not row.get("reason")]
     names = dict.fromkeys(key.removesuffix("_error") for row in valid for key in row if key.endswith("_error"))
     summary: Row = {"scene": scene, "track": track, "records": len(rows), "failed": len(rows) - len(valid)}
     for name in names:
-        offs = _numbers(valid, f"{name}_off")
-        summary[f"{name}_error"] = _rms(_numbers(valid, f"{name}_error"))
-        summary[f"{name}_off"] = _rms(offs)
-        inside_count = sum(off <= _MAX_OFF for off in offs)
-        low, high = _share_interval(inside_count, len(offs))
-        summary[f"{name}_within_2u"] = inside_count / len(offs) if offs else None
-        summary[f"{name}_within_low"] = low
-        summary[f"{name}_within_high"] = high
+        summary |= _value_summary(valid, name)
     for key in ("prediction", "nis", "nis_low", "nis_high", "settled", "seconds_per_sample", "samples"):
         numbers = _numbers(valid, key)
         summary[key] = median(numbers) if numbers else None
@@ -61,6 +50,23 @@ def _summary(scene: str, track: str, rows: Sequence[Row]) -> Row:
     if 2 * slow_count > len(rows):
         reasons.append(SLOW)
     return summary | {"reason": "; ".join(reasons)}
+
+
+def _value_summary(rows: Sequence[Row], name: str) -> Row:
+    """Return the summary of the errors of a value: rms of relative errors, and rms of errors over u.
+
+    With the share of records whose error is at most 2 u, and the ends of its interval of 95 %.
+    """
+    offs = _numbers(rows, f"{name}_off")
+    inside_count = sum(off <= _MAX_OFF for off in offs)
+    low, high = _share_interval(inside_count, len(offs))
+    return {
+        f"{name}_error": _rms(_numbers(rows, f"{name}_error")),
+        f"{name}_off": _rms(offs),
+        f"{name}_within_2u": inside_count / len(offs) if offs else None,
+        f"{name}_within_low": low,
+        f"{name}_within_high": high,
+    }
 
 
 def _numbers(rows: Sequence[Row], key: str) -> list[float]:
@@ -96,13 +102,17 @@ def scene_matrix(rows: Sequence[Row]) -> Table:
     is_one_model = all(track.startswith(f"{model}/") for track in tracks)
     cells = []
     for track in tracks:
-        track_costs = [row["seconds_per_sample"] for row in rows if row["track"] == track]
-        costs = [cost for cost in track_costs if cost]  # [s]
         name = track.partition("/")[2] if is_one_model else track
         scene_cells = [_scene_cell(rows_by_key.get((scene, track))) for scene in scenes]
-        cells.append([name, *scene_cells, _number(1e6 * median(costs)) if costs else "-"])
+        cells.append([name, *scene_cells, _cost_cell([row for row in rows if row["track"] == track])])
     head = f"{model}/" if is_one_model else "track"
     return Table("", (head, *scenes, "us"), tuple(map(tuple, cells)), (head,), is_plain=True)
+
+
+def _cost_cell(rows: Sequence[Row]) -> str:
+    """Return the median cost of a sample over rows [us]; a dash without any."""
+    costs = [row["seconds_per_sample"] for row in rows if row["seconds_per_sample"]]  # [s]
+    return _number(1e6 * median(costs)) if costs else "-"
 
 
 def _scene_cell(row: Row | None) -> str:

@@ -73,6 +73,7 @@ def _estimate_cells(parameter: str, estimate: Mapping[str, Any]) -> dict[str, An
 def best_rows(rows: Sequence[dict[str, Any]]) -> Table:
     """Return the combinations with the smallest uncertainty of their first parameter, those that can be used first."""
     best = sorted((row for row in rows if "error" not in row), key=_cost)[:_MAX_BEST]
+    # The columns: swept settings, the track if there are several, and the values.
     settings = [key for key in (best[0] if best else {}) if "." in key]  # a setting has the name of its table
     names = [_short_setting(key, settings) for key in settings]
     units = _shown_units(best)
@@ -85,7 +86,10 @@ def best_rows(rows: Sequence[dict[str, Any]]) -> Table:
         for name, unit in units.items():
             row_cells += _number_and_verdict(row, name, unit)
         cells.append(row_cells)
-    headings = ["", *names, *(["track"] if has_tracks else [])]
+    # The heads, in the order of the cells.
+    headings = ["", *names]
+    if has_tracks:
+        headings.append("track")
     for name, unit in units.items():
         headings += [f"{name}\n{display_unit(unit)[0]}", f"{name}\nverdict"]
     title = f"best of {len(rows)} rows, by the uncertainty of {next(iter(units), 'nothing')}"
