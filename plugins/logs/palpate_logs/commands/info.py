@@ -69,7 +69,7 @@ def info(
         elif is_folder_of_logs(log) and picture is None:
             suggest_folder(log, choices, out, as_json)
         else:
-            _suggest(log, choices, out, picture, as_json)
+            _suggest_pipeline(log, choices, out, picture, as_json)
         return
     if is_folder_of_logs(log):
         raise LogError(f"{log}: is a folder; with --suggest, palpate says how the logs in it are read")
@@ -102,7 +102,9 @@ def _show_commands(path: Path, lines: Sequence[str], out: Path | None, as_json: 
         typer.echo(printable(line))
 
 
-def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
+def _suggest_pipeline(
+    log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool
+) -> None:
     """Print or write the pipeline, and list on standard error what in it is a guess or must be filled in.
 
     A log of a run carries its pipeline, which is taken, but for the channels that a person chooses.
