@@ -76,6 +76,18 @@ class Anonymous:
         return value
 
 
+class Unchanged:
+    """Shows all of a run as it is, with the methods of `Anonymous`."""
+
+    def text(self, text: str) -> str:
+        """Return the text."""
+        return text
+
+    def tree(self, value: Any) -> Any:
+        """Return the document."""
+        return value
+
+
 def _is_path(text: str) -> bool:
     return bool(re.match(r"(~|\.{1,2}|[A-Za-z]:)?[/\\]", text)) and "\n" not in text
 

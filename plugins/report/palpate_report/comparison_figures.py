@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from palpate import Floats
 from palpate_engine import display_unit
 from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
 
 from palpate_report.group_numbers import MIN_SITE_DISTANCE, GroupRun, number_of, numbers_of
 from palpate_report.run_verdict import LEVELS
 
-_MARKS = "osD^vPX"
+_COLOURS = 7  # of the style, C0 to C6; groups beyond begin anew
+_MARKS = "osD^vPX"  # one for each colour, so that groups differ in grey, too
+_MEAN_OVERHANG = 0.3  # of the line of a mean beyond the first and the last run, whose distance is 1: a choice
 _MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
 
 
@@ -27,37 +30,18 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
     symbol, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
     axis = axes[0, 0]
-    groups = list(dict.fromkeys(run.group for run in runs))
-    for i, group in enumerate(groups):
-        look: dict[str, Any] = {"color": f"C{i % 7}", "linestyle": "none", "linewidth": 0.8}
+    for i, group in enumerate(dict.fromkeys(run.group for run in runs)):
+        numbers = [number for number, run in enumerate(runs, 1) if run.group == group]
+        look = {"color": f"C{i % _COLOURS}", "marker": _MARKS[i % len(_MARKS)]}
+        # Good runs are filled marks, doubtful ones hollow; invalid runs are not drawn.
         for level in LEVELS[:2]:
-            chosen = [
-                (k, number_of(run, track, parameter))
-                for k, run in enumerate(runs, 1)
-                if run.group == group and _level(run, track) == level
-            ]
-            points = [(k, found["value"], found.get("combined") or 0.0) for k, found in chosen if found]
-            if not points:
-                continue
-            number, value, combined = np.array(points).T
-            fill = {} if level == LEVELS[0] else {"markerfacecolor": "white"}
-            label = group if level == LEVELS[0] else f"{group}: doubtful"
-            axis.errorbar(
-                number,
-                factor * value,
-                2 * factor * combined,
-                marker=_MARKS[i % len(_MARKS)],
-                label=label,
-                rasterized=len(points) > _MAX_VECTOR_POINTS,
-                **look,
-                **fill,
-            )
+            _draw_runs(axis, _numbered_values(runs, numbers, level, track, parameter), factor, group, level, look)
+        # A line at the mean, from the first run of the group to the last.
         values, _ = numbers_of(runs, group, track, parameter)
         if len(values) > 1:
-            numbers = [k for k, run in enumerate(runs, 1) if run.group == group]
-            axis.hlines(
-                factor * values.mean(), min(numbers) - 0.3, max(numbers) + 0.3, color=look["color"], linewidth=0.6
-            )
+            left, right = min(numbers) - _MEAN_OVERHANG, max(numbers) + _MEAN_OVERHANG
+            axis.hlines(factor * values.mean(), left, right, color=look["color"], linewidth=0.6)
+    # The truth of simulated runs, if they have one in common.
     truths = {run.truth.get(parameter) for run in runs}
     truth = truths.pop() if len(truths) == 1 else None
     if truth is not None:
@@ -68,22 +52,64 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
     return figure
 
 
+def _numbered_values(
+    runs: Sequence[GroupRun], numbers: Sequence[int], level: str, track: str, parameter: str
+) -> Floats:
+    """Return number, value and combined uncertainty [SI], 0 where there is none, of the runs of one level (n, 3).
+
+    `numbers` are those of the group's runs, counted from 1; runs without a value are left out.
+    """
+    rows = []
+    for number in numbers:
+        run = runs[number - 1]
+        table = number_of(run, track, parameter) if _level(run, track) == level else None
+        if table:
+            rows.append((number, table["value"], table.get("combined") or 0.0))
+    return np.array(rows, np.float64).reshape(-1, 3)
+
+
+def _draw_runs(axis: Any, rows: Floats, factor: float, group: str, level: str, look: Mapping[str, Any]) -> None:
+    """Draw values of the runs of one level with bars of two uncertainties; rows (n, 3) as of `_numbered_values`."""
+    if not len(rows):
+        return
+    numbers, values, uncertainties = rows.T
+    is_good = level == LEVELS[0]
+    axis.errorbar(
+        numbers,
+        factor * values,
+        2 * factor * uncertainties,
+        label=group if is_good else f"{group}: doubtful",
+        rasterized=len(rows) > _MAX_VECTOR_POINTS,
+        linestyle="none",
+        linewidth=0.8,
+        **look,
+        **({} if is_good else {"markerfacecolor": "white"}),
+    )
+
+
 def _level(run: GroupRun, track: str) -> str | None:
+    """Return the level of a track of a run; None if the run does not have the track."""
     return next((verdict.level for verdict in run.verdict.tracks if verdict.track == track), None)
 
 
 @style()
 def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
     """Return the places of the runs, coloured by value; None where they are one place."""
-    sites = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
-    if len(sites) < 2 or np.ptp(np.array([place for place, _ in sites]), axis=0).max() < MIN_SITE_DISTANCE:
+    places, values = [], []
+    for run in runs:
+        table = number_of(run, track, parameter) if run.place else None
+        if table:
+            places.append(run.place)
+            values.append(table["value"])
+    if len(places) < 2 or np.ptp(np.array(places), axis=0).max() < MIN_SITE_DISTANCE:
         return None
     symbol, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
-    x, y = 1e3 * np.array([place for place, _ in sites]).T
-    shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in sites], s=40, edgecolors="black", linewidths=0.4)
-    shown.set_rasterized(len(sites) > _MAX_VECTOR_POINTS)
-    figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{symbol}]")
-    axes[0, 0].set(xlabel="x [mm]", ylabel="y [mm]")
-    axes[0, 0].set_aspect("equal", adjustable="datalim")
+    axis = axes[0, 0]
+    x, y = 1e3 * np.array(places).T  # [mm]
+    dots = axis.scatter(x, y, c=[factor * value for value in values], s=40, edgecolors="black", linewidths=0.4)
+    dots.set_rasterized(len(places) > _MAX_VECTOR_POINTS)
+    figure.colorbar(dots, ax=axis, shrink=0.8, label=f"{parameter.replace('_', ' ')} [{symbol}]")
+    axis.set(xlabel="x [mm]", ylabel="y [mm]")
+    axis.set_aspect("equal", adjustable="datalim")
     return figure

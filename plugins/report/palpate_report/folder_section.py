@@ -14,8 +14,8 @@ from palpate_kit.terminal.motion_text import measured_text, row_motion
 from palpate_kit.terminal.phrase import curve_count
 
 from palpate_report.bibliography import sources_of
+from palpate_report.budget_rows import budget_rows
 from palpate_report.folder_facts import FolderFacts, exclusion_of, libraries
-from palpate_report.run_report import budget_rows
 from palpate_report.svg import svg_text
 from palpate_report.typical_curves import (
     captions,
