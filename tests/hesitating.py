@@ -16,7 +16,7 @@ from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_simulation.skin_under_tip import SkinUnderTip
 from palpate_simulation.twins.arm import TICK, SimulatedArm
 
-LAW = ServoLaw("pd", gain=20.0, damping=0.5, approach_speed=0.02, retract_speed=0.05, acceleration=1.0, most=0.2)
+LAW = ServoLaw("pd", gain=20.0, damping=0.5, approach_speed=0.02, retract_speed=0.05, acceleration=1.0, max_speed=0.2)
 LOOKAHEAD, GAIN = 0.03, 1000.0  # of servoL
 
 

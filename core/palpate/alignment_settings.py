@@ -234,14 +234,14 @@ class AlignmentSettings(Settings):
         return force
 
 
-def _force_or_word(value: Any, words: tuple[str, ...], example: str) -> Any:
-    """Return a force [N], or one of some words; raises PydanticCustomError."""
-    if value in words:
+def _force_or_word(value: Any, allowed_words: tuple[str, ...], example: str) -> Any:
+    """Return a force [N], or one of `allowed_words`; raises PydanticCustomError."""
+    if value in allowed_words:
         return value
     try:
         force = to_si(value, "N")
     except ValueError as error:
-        allowed = ", ".join(f'"{word}"' for word in words)
+        allowed = ", ".join(f'"{word}"' for word in allowed_words)
         reason = f'{value!r} is not one of {allowed} and a force such as "{example}"'
         raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
     if not isinstance(value, str) and (doubt := Quantity("N", most=_MAX_FORCE).doubt(force)):

@@ -29,17 +29,17 @@ class Claims:
     def settle(self, name: str, offers: list[Offer]) -> None:
         """Find the owner of a name that these plugins claim, and the names by which the others are reached."""
         shipped = [offer for offer in offers if offer[1].own]
-        others = [offer for offer in offers if not offer[1].own]
+        foreign_offers = [offer for offer in offers if not offer[1].own]
         is_reserved = bool(shipped) or name in _RESERVED.get(self.kind, ())
-        self._demand_free(name, shipped, others, is_reserved)
+        self._demand_free(name, shipped, foreign_offers, is_reserved)
         if shipped:
             self.offers[name] = shipped[0]
         if is_reserved:
-            self._set_aside(name, others)
-        elif len(others) == 1:
-            self.offers[name] = others[0]
+            self._set_aside(name, foreign_offers)
+        elif len(foreign_offers) == 1:
+            self.offers[name] = foreign_offers[0]
         else:
-            self._qualify(name, others)
+            self._qualify(name, foreign_offers)
 
     def _set_aside(self, name: str, offers: list[Offer]) -> None:
         """Leave out offers whose name is palpate's; what users ask for is reached by its qualified name."""
@@ -60,9 +60,9 @@ class Claims:
         self.ambiguous[name] = sentence
         self.notices.append(sentence)
 
-    def _demand_free(self, name: str, shipped: list[Offer], others: list[Offer], is_reserved: bool) -> None:
+    def _demand_free(self, name: str, shipped: list[Offer], foreign_offers: list[Offer], is_reserved: bool) -> None:
         """Raise PluginError where palpate claims a name twice, or a file, which its user can correct, a taken one."""
-        files = [plugin for _, plugin in others if plugin.is_file]
+        files = [plugin for _, plugin in foreign_offers if plugin.is_file]
         claimants = [plugin.name for _, plugin in shipped]
         if is_reserved:
             claimants = [*(claimants or ["palpate itself"]), *(file.name for file in files)]

@@ -88,7 +88,7 @@ def unique_initials(entries: Mapping[str, Entry]) -> dict[str, str]:
         by_initials: dict[str, list[str]] = {}
         for key, entry in entries.items():
             if "-" in key and ":" not in key and entry.plugin.own == is_own:
-                by_initials.setdefault("".join(word[:1] for word in key.split("-")), []).append(key)
+                by_initials.setdefault("".join(part[:1] for part in key.split("-")), []).append(key)
         keys |= {initials: same[0] for initials, same in by_initials.items() if len(same) == 1}
     return keys
 
@@ -101,14 +101,14 @@ def resolve_older_name(entries: dict[str, Entry], name: str, is_number: bool) ->
     where no third party offers it.
     """
     shipped = entries.get(name)
-    others = [entry for entry in entries.values() if entry.name == name and not entry.plugin.own]
-    if shipped is None or not others:
+    foreign_entries = [entry for entry in entries.values() if entry.name == name and not entry.plugin.own]
+    if shipped is None or not foreign_entries:
         return "", ""
     entries[shipped.plugin.qualified(name)] = entries.pop(name)
-    if is_number and len(others) == 1:
-        entries[name] = others[0]
-        return f"it means {others[0].qualified!r} of plugin {others[0].plugin.name}", ""
-    choices = [*(entry.qualified for entry in others), shipped.plugin.qualified(name)]
+    if is_number and len(foreign_entries) == 1:
+        entries[name] = foreign_entries[0]
+        return f"it means {foreign_entries[0].qualified!r} of plugin {foreign_entries[0].plugin.name}", ""
+    choices = [*(entry.qualified for entry in foreign_entries), shipped.plugin.qualified(name)]
     return "", f"write {' or '.join(map(repr, choices))}"
 
 

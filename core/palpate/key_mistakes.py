@@ -86,19 +86,19 @@ _TYPE_NAMES = {
 
 def _problem(detail: ErrorDetails, settings: type[BaseModel], keys: Location) -> str:
     """Return the mistake of one error in words."""
-    value, kind = detail["input"], detail["type"]
-    if kind == "missing":
+    value, error_type = detail["input"], detail["type"]
+    if error_type == "missing":
         return f"{_MISSING} ({_meaning(settings, keys)})"
-    if kind == "extra_forbidden":
+    if error_type == "extra_forbidden":
         return f"unknown key {keys[-1]!r}{suggest(keys[-1], _fields(settings, keys[:-1]))}"
-    if kind == "literal_error":
+    if error_type == "literal_error":
         expected = str(detail.get("ctx", {}).get("expected", "")).replace(" or ", ",").split(",")
         allowed = [choice.strip().strip("'") for choice in expected]
         return f"{_as_toml(value)} is not allowed{suggest(str(value), allowed)}"
-    if kind in ("quantity", "tare", "value_error"):
+    if error_type in ("quantity", "tare", "value_error"):
         return detail["msg"].removeprefix("Value error, ")
-    type_name = _TYPE_NAMES.get(kind.split("_")[0])
-    if type_name is not None and kind.endswith(("_type", "_from_float", "_parsing")):
+    type_name = _TYPE_NAMES.get(error_type.split("_")[0])
+    if type_name is not None and error_type.endswith(("_type", "_from_float", "_parsing")):
         return f"must be {type_name}, not {_as_toml(value)}"
     return f"{_as_toml(value)}: {detail['msg'].replace('Input should', 'must')}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import NamedTuple
 
@@ -123,6 +123,27 @@ def read_unit(written: str) -> Unit:
     """
     numerator, denominator, root = 1, 1, 1.0
     dimensions = dict[str, float]()
+    for name, power in _named_powers(written):
+        base = _base(name)
+        over, under = base.numerator, base.denominator
+        if power < 0:
+            over, under = under, over
+        # The factor to its whole power, and the root of half a power.
+        whole, fraction = divmod(abs(power), 1.0)  # a fraction is 0.5: `_TOKEN` admits no other
+        numerator *= over ** int(whole)
+        denominator *= under ** int(whole)
+        root *= math.sqrt(over / under) if fraction else 1.0
+        for dimension, exponent in base.dimensions.items():
+            dimensions[dimension] = dimensions.get(dimension, 0.0) + exponent * power
+    powers = {dimension: total for dimension, total in dimensions.items() if total}
+    return Unit(numerator / denominator * root, powers)
+
+
+def _named_powers(written: str) -> Iterator[tuple[str, float]]:
+    """Yield the names in a text such as "N/(m*s^2)", each with its power, which is negative under a stroke.
+
+    Raises UnknownUnitError for brackets that do not match.
+    """
     # The sign of the next exponent, and a stack of the signs that hold within each open bracket; outside it is 1.
     sign, open_signs = 1, [1]
     for name, exponent, mark in _TOKEN.findall(_SQUARE_ROOT.sub(r"\1^0.5", written)):
@@ -132,25 +153,12 @@ def read_unit(written: str) -> Unit:
             open_signs.pop()
         elif mark == ")":
             raise UnknownUnitError(written)
-        if mark:
-            sign = -1 if mark == "/" else 1
-            continue
-        # The factor to its whole power, and the root of half a power.
-        base, power = _base(name), sign * open_signs[-1] * float(exponent or 1)
-        factor = base.numerator, base.denominator
-        if power < 0:
-            factor = base.denominator, base.numerator
-        whole, fraction = divmod(abs(power), 1.0)  # a fraction is 0.5: `_TOKEN` admits no other
-        numerator *= factor[0] ** int(whole)
-        denominator *= factor[1] ** int(whole)
-        root *= math.sqrt(factor[0] / factor[1]) if fraction else 1.0
-        for dimension, exponent_in_base in base.dimensions.items():
-            dimensions[dimension] = dimensions.get(dimension, 0.0) + exponent_in_base * power
-        sign = 1
+        if not mark:
+            yield name, sign * open_signs[-1] * float(exponent or 1)
+        # A stroke inverts the next name or bracket alone.
+        sign = -1 if mark == "/" else 1
     if len(open_signs) > 1:
         raise UnknownUnitError(written)
-    powers = {dimension: total for dimension, total in dimensions.items() if total}
-    return Unit(numerator / denominator * root, powers)
 
 
 def _base(name: str) -> _Base:

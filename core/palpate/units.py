@@ -113,8 +113,8 @@ def to_si(value: object, unit: str) -> float:
     ValueError: '5 kPa' is a pressure, not a length; write for example "5 mm"
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        kind = _with_article(dimension(unit))
-        raise ValueError(f'expected {kind}: a number in {unit} or a text such as "{example(unit)}"')
+        quantity_name = _with_article(dimension(unit))
+        raise ValueError(f'expected {quantity_name}: a number in {unit} or a text such as "{example(unit)}"')
     try:
         number = float(value) if isinstance(value, int | float) else _parse(value, unit)
     except OverflowError:  # a whole number of 400 digits
@@ -231,10 +231,14 @@ class Quantity:
 def quantity_schema(unit: str) -> JsonSchemaValue:
     """Return the JSON schema of `to_si`: a number, or a text with a unit that is not one of another dimension."""
     number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
-    others = "|".join(re.escape(text) for other, row in _QUANTITIES.items() if other != unit for text in row.usual)
+    foreign_units = []
+    for other_unit, quantity in _QUANTITIES.items():
+        if other_unit != unit:
+            foreign_units += [re.escape(text) for text in quantity.usual]
+    foreign_pattern = "|".join(foreign_units)
     text = {
         "pattern": number + ("" if unit == "1" else "[A-Za-zµμΩ°%]"),
-        "not": {"pattern": f"{number}({others})\\s*$"},
+        "not": {"pattern": f"{number}({foreign_pattern})\\s*$"},
     }
     return {
         "anyOf": [{"type": "number"}, {"type": "string", **text}],

@@ -168,7 +168,7 @@ def start_path(
     axis = to_work @ rotation_matrix(begin.tolist()) @ (remaining_turn / max(angle, _NO_TURN))
     turns = None
     if station.turn is not None:
-        shares = (1.0 - path.left).tolist()
+        shares = (1.0 - path.remaining_turn).tolist()
         turns = np.array([to_work @ turn_after(begin, remaining_turn * share) for share in shares])
     measuring = np.zeros(len(path.times), bool)
     turning = path.turning[:, None] * axis

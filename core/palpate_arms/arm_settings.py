@@ -115,7 +115,7 @@ class ArmSettings(Device):
     @property
     @abstractmethod
     def command_lag(self) -> float:
-        """How late [s] the arm follows its commands, by a setting; the lag that a motion shows is compared with it."""
+        """Lag [s] of the arm behind its commands, by a setting; the lag that a motion shows is compared with it."""
 
     @property
     def controller_stiffness(self) -> float | None:
@@ -127,7 +127,7 @@ class ArmSettings(Device):
         return None
 
     def identity(self, observe: bool) -> Mapping[str, str]:
-        """What the controller says of itself before anything is connected; raises DeviceError where it is not ready.
+        """Return the controller's facts before anything is connected; raises DeviceError where it is not ready.
 
         Asked by `host().controller_facts`, so that a rehearsal asks the twin.
         """
@@ -182,7 +182,7 @@ class ArmSettings(Device):
 
     @property
     def stop_modes(self) -> StopModes | None:
-        """How its status reports its own stops, and whether a second connection can watch them; None if it does not."""
+        """Reports of its own stops in its status, and by a second connection; None if it reports none."""
         return None
 
     @property
@@ -194,12 +194,12 @@ class ArmSettings(Device):
         from palpate_arms.arm_lag import DELAY
 
         blind = self.host_timeout + (0.0 if self.controller_stiffness is None else self.command_lag + DELAY)
-        own = self.approach_speed, self.start_tolerance, self.acceleration, blind
+        approach = self.approach_speed, self.start_tolerance, self.acceleration, blind
         stop = (self.own_stop, getattr(self, self.own_stop)) if self.own_stop else None
         followed_speed = self.tracking / max(self.command_lag, 1e-9)
         leaves_slowly = self.retract_speed is not None and self.retract_speed <= followed_speed
         yield_force = math.inf if self.controller_stiffness is None else self.controller_stiffness * self.tracking
-        return OwnMotion(*own, stop, math.inf if leaves_slowly else followed_speed, yield_force)
+        return OwnMotion(*approach, stop, math.inf if leaves_slowly else followed_speed, yield_force)
 
     @property
     def gravity(self) -> tuple[float, ...]:
@@ -224,7 +224,7 @@ class ArmSettings(Device):
 
     @property
     def work_settings(self) -> Mapping[str, str]:
-        """Where the work of a twin is, and its tip and tool."""
+        """Work frame of a twin, and its tip and tool."""
         return {
             "work.origin": str(list(self.work.origin)),
             "work.rotation": str(list(self.work.rotation)),
@@ -235,11 +235,11 @@ class ArmSettings(Device):
 
     @property
     def law(self) -> ServoLaw:
-        """How setpoints become commands."""
+        """Law by which setpoints become commands."""
         from palpate_arms.servo_law import ServoLaw
 
         keys = ("control", "gain", "damping", "approach_speed", "acceleration")
         lever, gives_way = math.dist(self.tcp, (0.0, 0.0, 0.0)), self.controller_stiffness is not None
         retract_speed = math.inf if self.retract_speed is None else self.retract_speed
-        own = {key: getattr(self, key) for key in keys}
-        return ServoLaw(**own, retract_speed=retract_speed, lever=lever, gives_way=gives_way)
+        stated = {key: getattr(self, key) for key in keys}
+        return ServoLaw(**stated, retract_speed=retract_speed, lever=lever, gives_way=gives_way)

@@ -81,7 +81,7 @@ class CommandedArm:
         return self.reading
 
     def _note_rate(self, stamps: list[float]) -> None:
-        """How often states come, by their time-stamps; raises RuntimeError where an arm cannot be led by so few."""
+        """Note the rate of states by their time-stamps [s]; raises RuntimeError where it is too low to lead an arm."""
         if len(stamps) < _MIN_STATES:
             return
         period = float(np.median(np.diff(stamps)))

@@ -43,17 +43,17 @@ class Fence:
     """Limits of `[safety]`, once they are set, and those of the arm itself."""
 
     def __init__(
-        self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: ArmModel, acceleration: float
+        self, arm_facts: dict[str, Any], work: WorkFrame, tool: Floats, model: ArmModel, acceleration: float
     ) -> None:
-        self._work, self._tracking = work, own["tracking"]
-        self._posture = PostureFence(own, tool, model)
+        self._work, self._tracking = work, arm_facts["tracking"]
+        self._posture = PostureFence(arm_facts, tool, model)
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None
         self.plane = LEVEL  # of the station, as commanded
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
-        self._lag = own.get("lag", 0.0)
-        self._deadband = own.get("deadband", 0.0)
+        self._lag = arm_facts.get("lag", 0.0)
+        self._deadband = arm_facts.get("deadband", 0.0)
         self.give = self._deadband  # [m] by which the arm may stand off its command, also at the force that stops it
         self._following = TrackingError(self._lag, self._deadband)
         self.begin(np.zeros(3))

@@ -81,34 +81,47 @@ class ForceEye:
         self._heard, self._count = now, self._count + len(rows)
         forces = rows[:, self._columns]
         tared = forces - self._tare
-        largest = float(np.abs(tared).max())
+        normal_force = self._sign * tared[:, self._normal]
         self.felt = self._sign * float(tared[:, self._normal].mean())
-        # Limits, of every axis: not a number, end of the range, force, torques.
+        # Limits come first, then the sensor's own faults, which need time to show.
+        fault = self._limit_fault(forces, tared, torques=rows[:, self._torques]) or self._sensor_fault(rows)
+        if fault is not None:
+            return fault
+        # The rise of the force with the depth, by which a sensor that reads too little is noticed.
+        if self._rise is None or self._touch is None or place is None:
+            return None
+        location, seconds = place.tolist(), now / _SECOND
+        fault = self._rise.add(seconds, normal_force, depth, location, commanded)
+        if fault is not None or in_air is None:
+            return fault
+        return self._touch.fault(seconds, normal_force, depth, location, in_air)
+
+    def _limit_fault(self, forces: Floats, tared: Floats, torques: Floats) -> str | None:
+        """Return the limit that readings break, of any axis: not a number, end of the range, force, torque; else None.
+
+        Forces (n, axes) [N] as they come and less their tare, torques (n, axes) [N m] as they come.
+        """
+        largest = float(np.abs(tared).max())
         if math.isnan(largest):
             return f"a reading of {self._name} is over range or invalid"
-        ends = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
-        if ends.any():
-            return f"{self._name if ends[self._normal] else f'a force across {self._name}'} is at the end of its range"
+        is_at_end = ((forces <= self._low) | (forces >= self._high)).any(axis=0)
+        if is_at_end.any():
+            subject = self._name if is_at_end[self._normal] else f"a force across {self._name}"
+            return f"{subject} is at the end of its range"
         if largest > self.stop:
             return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
-        if (text := torque_fault(rows[:, self._torques], *self._torque)) is not None:
-            return text
-        # The sensor: readings that are late, or repeat themselves.
+        return torque_fault(torques, *self._torque)
+
+    def _sensor_fault(self, rows: Floats) -> str | None:
+        """Return that readings (n, columns) are late, or repeat themselves; None where they do neither."""
         self._note_age(rows)
-        if (late := self._age.complaint(f"readings of {self._name}", self._oldest)) is not None:
+        late = self._age.complaint(f"readings of {self._name}", self._oldest)
+        if late is not None:
             return late
         if self._repeats is not None:
             self._repeats.add(rows)
-            if self._repeats.fault is not None:
-                return self._repeats.fault
-        if self._rise is None or self._touch is None or place is None:
-            return None
-        # The rise of the force with the depth, by which a sensor that reads too little is noticed.
-        normal_force, location, seconds = self._sign * tared[:, self._normal], place.tolist(), now / _SECOND
-        text = self._rise.add(seconds, normal_force, depth, location, commanded)
-        if text is not None or in_air is None:
-            return text
-        return self._touch.fault(seconds, normal_force, depth, location, in_air)
+            return self._repeats.fault
+        return None
 
     def _note_age(self, rows: Any) -> None:
         """Add the ages of readings (n, columns) whose sensor has a clock of its own."""

@@ -73,13 +73,13 @@ class Handshake:
         self._base_commands.append(base_command)
         self._lagged = self._lagged + self._blend * (command - self._lagged)
 
-    def fault(self, state: ArmState, base_place: Floats, seen: int) -> str | None:
-        """Return why a new state, seen at a time [ns], shows that the arm does not obey; None where it does."""
+    def fault(self, state: ArmState, base_place: Floats, arrival: int) -> str | None:
+        """Return why a state that arrived at a time [ns] shows that the arm does not obey; None where it does."""
         if not self._commands or self.is_over:
             return None
         # Every state is on the way that was commanded so far; the mean of the last ones answers the step.
         self._sent.append(len(self._commands))
-        self._seen_at.append(seen)
+        self._seen_at.append(arrival)
         self._places.append(state.position)
         self._base_places.append(base_place)
         if (text := self._stray(state)) is not None:

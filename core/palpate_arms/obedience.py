@@ -22,11 +22,11 @@ _MAX_WAIT = 50  # periods, after which it is sent all the same: states that come
 
 
 class Obedience:
-    """The handshakes of an arm since it was connected; `own` is what it states of itself."""
+    """The handshakes of an arm since it was connected; `arm_facts` is what it states of itself."""
 
-    def __init__(self, robot: CommandedArm, fence: Fence, own: dict[str, Any], gives_way: bool) -> None:
+    def __init__(self, robot: CommandedArm, fence: Fence, arm_facts: dict[str, Any], gives_way: bool) -> None:
         self._robot, self._fence = robot, fence
-        self._stated = own.get("lag", 0.0), own.get("deadband", 0.0), gives_way
+        self._stated = arm_facts.get("lag", 0.0), arm_facts.get("deadband", 0.0), gives_way
         self._handshake: Handshake | None = None
         self.has_begun = False  # True once it was to show anything
         self._has_commanded = False

@@ -28,9 +28,9 @@ class Verdict:
 class PostureFence:
     """Limits of the arm itself: speeds and ends of its joints, and the box of its links."""
 
-    def __init__(self, own: dict[str, Any], tool: Floats, model: ArmModel) -> None:
+    def __init__(self, arm_facts: dict[str, Any], tool: Floats, model: ArmModel) -> None:
         self._tool, self._model = tool, model
-        self._joint_speed, self._links = own["joint_speed"], (own["links_low"], own["links_high"])
+        self._joint_speed, self._links = arm_facts["joint_speed"], (arm_facts["links_low"], arm_facts["links_high"])
 
     def verdict(self, twist: Floats, error: Floats, joints: list[float], leaving: bool) -> Verdict | None:
         """Return the limit that a command breaks; None where it keeps them all.

@@ -121,8 +121,9 @@ class Commander:
         self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
         self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
         # Haste within the limits of speed and of the turn.
-        paces = self.law.most / max(plan.fastest, _NO_SPEED), self.law.angular_speed / max(plan.fastest_turn, _NO_SPEED)
-        self._haste = min(max(min(paces) - 1.0, 0.0), _MAX_HASTE)
+        pace = self.law.max_speed / max(plan.fastest, _NO_SPEED)
+        turning_pace = self.law.angular_speed / max(plan.fastest_turn, _NO_SPEED)
+        self._haste = min(max(min(pace, turning_pace) - 1.0, 0.0), _MAX_HASTE)
         self.home, self.plane = self.command.copy(), StationPlane.of_row(start)
         self._set_out(start[SETPOINT["position"]], self.law, start[PLAN["turn"]])
 
@@ -130,7 +131,7 @@ class Commander:
         """Plan a straight way to an end (3,) [m], on which the tool comes to a turn (3,) as well."""
         self._turn_from, self._turn_by = self.turn, turn_from_to(self.turn, turn)
         path = straight_path(self.command, end, law, float(np.linalg.norm(self._turn_by)))
-        self._way = list(zip(path.position[1:], path.left[1:].tolist(), strict=True))
+        self._way = list(zip(path.position[1:], path.remaining_turn[1:].tolist(), strict=True))
 
     def _turn_at(self, remainder: float) -> Floats:
         """Return the turn (3,) of the tool on a way, where a part of it remains."""
@@ -196,9 +197,9 @@ class Commander:
             # v = gain (z_d - z) + damping (z_d' - z').
             goal, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]] * (1.0 + faster)
             speed = law.gain * (goal - position) + law.damping * (rate - velocity)
-            self.command = former + _no_longer(speed * PERIOD, min(law.most * PERIOD, room))
+            self.command = former + _no_longer(speed * PERIOD, min(law.max_speed * PERIOD, room))
         elif self.lead is not None:
-            self.command = former + _no_longer(row[SETPOINT["position"]] - former, min(law.most * PERIOD, room))
+            self.command = former + _no_longer(row[SETPOINT["position"]] - former, min(law.max_speed * PERIOD, room))
         else:
             self._wait_for_room(float(np.linalg.norm(row[SETPOINT["position"]] - former)), room)
             row = self._in_plan()

@@ -25,7 +25,7 @@ class ServoLaw:
     """The law that makes commands of setpoints.
 
     "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`,
-    and never over `most`: an arm that does not follow is not called faster and faster; "servo": the setpoints
+    and never over `max_speed`: an arm that does not follow is not called faster and faster; "servo": the setpoints
     themselves.
     """
 
@@ -37,7 +37,7 @@ class ServoLaw:
     acceleration: float  # [m/s^2] of what is not a trajectory
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
-    most: float = math.inf  # [m/s] that the law may ask for
+    max_speed: float = math.inf  # [m/s] that the law may ask for
     gives_way: bool = False  # the arm stands on its controller's spring, and overshoots (0406)
 
     def within(self, limits: dict[str, Any]) -> ServoLaw:
@@ -52,7 +52,7 @@ class ServoLaw:
             approach_speed=min(self.approach_speed, share * speed),
             retract_speed=min(retract_speed, share * max(speed, leaving_speed)),
             angular_speed=limits["angular_speed"],
-            most=speed,
+            max_speed=speed,
         )
 
 
@@ -79,7 +79,7 @@ class StraightPath:
     times: Floats  # (n,) [s]
     position: Floats  # (n, 3) [m]
     velocity: Floats  # (n, 3) [m/s]
-    left: Floats  # (n,) part of the turn that remains
+    remaining_turn: Floats  # (n,) part of the turn that remains
     turning: Floats  # (n,) [rad/s]
 
 

@@ -46,12 +46,12 @@ class Beat:
         self._last_offset = self._offset = _NEVER
         self._count = 0
 
-    def saw(self, stamp: int, seen: int) -> None:
-        """Take over a state of the controller's time `stamp` [ns] that was seen at a monotonic time [ns]."""
+    def saw(self, stamp: int, arrival: int) -> None:
+        """Take over a state of the controller's time `stamp` [ns] that arrived at a monotonic time [ns]."""
         if self._count % _SPAN == 0:
             self._last_offset, self._offset = self._offset, _NEVER
         self._count += 1
-        self._offset = min(self._offset, seen - stamp)
+        self._offset = min(self._offset, arrival - stamp)
 
     def correction(self, deadline: int) -> int:
         """Return by how much [ns] to move a deadline [ns] towards the time at which states arrive."""

@@ -38,7 +38,7 @@ def test_a_retraction_has_a_limit_of_its_own_only_where_it_is_stated(stated, own
     law = law.within({**LIMITS, "retract_speed": stated})
     assert law.retract_speed == pytest.approx(speed, rel=0.01)
     assert law.approach_speed <= 0.034  # the way to the start keeps that of the motion
-    assert law.most == LIMITS["speed"]
+    assert law.max_speed == LIMITS["speed"]
 
 
 @pytest.mark.parametrize(

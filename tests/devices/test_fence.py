@@ -238,7 +238,7 @@ def test_a_command_leads_by_what_the_speed_makes_of_the_lag(lag, speed, tracking
     guard = fence({**LIMITS, "speed": speed}, lag=lag, tracking=tracking)
     assert guard.lead == pytest.approx(lead)
     pose, place, sent = seen((0.0, 0.0, 0.003)), np.array([0.0, 0.0, 0.003]), []
-    law = ServoLaw("pd", 20.0, 0.5, 0.02, 0.04, 1.0, most=speed)
+    law = ServoLaw("pd", 20.0, 0.5, 0.02, 0.04, 1.0, max_speed=speed)
     commander = Commander(law, place)
     commander.follow(Plan.of(table(straight(speed, 2000))))
     commander.mode = "follow"

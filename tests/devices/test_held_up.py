@@ -204,7 +204,7 @@ def test_the_controller_never_reads_two_commands_in_a_tick_while_its_messages_ta
 
 def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_held_up():
     rows = sine(0.02)
-    law = ServoLaw("servo", 20.0, 0.5, 0.02, 0.04, 1.0, most=SPEED)
+    law = ServoLaw("servo", 20.0, 0.5, 0.02, 0.04, 1.0, max_speed=SPEED)
     told = {}
     for held_up in (0, 20):
         commander = Commander(law, rows[0, :3])
