@@ -66,7 +66,8 @@ def _run(
         pipeline = replace(pipeline, tracks=())
     # Hashing the inputs and the tracks of a replay go on in threads.
     live = is_live(pipeline.devices)
-    provenance, executor = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
+    provenance = facts_beside(pipeline)
+    executor = ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
     tracks = Tracks(start_tracks(pipeline), None if live else executor)
     started = datetime.now(UTC).astimezone()  # the day on which it is made, also in simulated time
     folder = make_folder(pipeline.run.name, out, started)
@@ -87,28 +88,16 @@ def _run(
         try:
             with ExitStack() as stack:
                 stack.enter_context(executor)
-                outputs = Outputs(
-                    stack=stack,
-                    pipeline=pipeline,
-                    run=work.described(),
-                    online=tracks.online,
-                    stop=interrupt.stop,
-                    room=room,
-                    observer=observer,
-                )
-                session = Session(
-                    pipeline=pipeline,
-                    tracks=tracks,
-                    outputs=outputs,
-                    interrupt=interrupt,
-                    observe=progress,
-                    begun=begun,
-                )
+                # Outputs are open before the session, which connects the devices.
+                outputs = work.outputs(stack, room, observer)
+                session = work.session(outputs, progress, begun)
+                # Batches until the end; a failure of a device does not keep the outputs from closing.
                 failure = session.run()
                 result = work.result(session)
                 outputs.finish(result.table())
                 room.release()
         except Exception as error:
+            # Before the first batch the run is refused, and leaves nothing.
             if session is None or not begun.is_set():
                 raise
             if failure is None or result is None:  # the outputs do not close: what was recorded is not whole
@@ -134,6 +123,29 @@ class _RunContext:
     interrupt: Interrupt
     started: datetime
     began: float  # [s]
+
+    def outputs(self, stack: ExitStack, room: ClosingReserve, observer: Writer | None) -> Outputs:
+        """Return the sinks of the run, open until the stack closes."""
+        return Outputs(
+            stack=stack,
+            pipeline=self.pipeline,
+            run=self.described(),
+            online=self.tracks.online,
+            stop=self.interrupt.stop,
+            room=room,
+            observer=observer,
+        )
+
+    def session(self, outputs: Outputs, progress: Observer | None, begun: Event) -> Session:
+        """Return the session that reads the devices; `begun` is set with its first batch."""
+        return Session(
+            pipeline=self.pipeline,
+            tracks=self.tracks,
+            outputs=outputs,
+            interrupt=self.interrupt,
+            observe=progress,
+            begun=begun,
+        )
 
     def described(self) -> Run:
         """Return the description of the run that sinks get, with its documents written."""

@@ -219,34 +219,38 @@ def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[Runni
     Raises ConfigurationError where an estimator cannot start.
     """
     kept = max(_KEPT_AVERAGES * pipeline.run.average, _MIN_KEPT)  # [s]
-    standstill = pipeline.safety.standstill if pipeline.safety else None
+    is_over_a_surface = pipeline.alignment.surface is not None
+    is_compared = len(pipeline.tracks) > 1 if compares is None else compares
     running = []
     for track in pipeline.tracks:
         part_failure = PartFailure(track, pipeline.registry)
-        settings = pipeline.alignment
-        other_parameters = _other_parameters(pipeline, track.name.model)
-        problem = Problem(
-            model=track.model,
-            tip_mass=settings.tip_mass,
-            timing_uncertainty=settings.timing_uncertainty,
-            standstill=standstill,
-            others=other_parameters,
-            zero_uncertainty=settings.zero_uncertainty,
-            force_zero=settings.force_zero,
-        )
-        try:
-            tracker = track.estimator.start(problem)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.estimator}]: {error}") from error
-        except PalpateError:
-            raise
-        except RAISED_BY_PARTS as error:  # whatever third-party code raises
-            raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error
+        tracker = _start_tracker(pipeline, track, part_failure)
         summaries = {name: function_of(summary)() for name, summary in pipeline.registry.summaries.items()}
         # An offline estimate holds for all of its samples, so all of them are kept.
         record = TrackRecord(kept if track.estimator.online else math.inf, summaries=summaries)
-        is_over_a_surface = pipeline.alignment.surface is not None
-        is_compared = len(pipeline.tracks) > 1 if compares is None else compares
         comparison = ComparisonRecord() if is_compared else None
         running.append(RunningTrack(track, tracker, record, part_failure, is_over_a_surface, comparison))
     return running
+
+
+def _start_tracker(pipeline: Pipeline, track: Track, part_failure: PartFailure) -> Tracker:
+    """Return the tracker of a track; raises ConfigurationError where the estimator refuses, PluginError where it
+    fails."""
+    settings = pipeline.alignment
+    problem = Problem(
+        model=track.model,
+        tip_mass=settings.tip_mass,
+        timing_uncertainty=settings.timing_uncertainty,
+        standstill=pipeline.safety.standstill if pipeline.safety else None,
+        others=_other_parameters(pipeline, track.name.model),
+        zero_uncertainty=settings.zero_uncertainty,
+        force_zero=settings.force_zero,
+    )
+    try:
+        return track.estimator.start(problem)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.estimator}]: {error}") from error
+    except PalpateError:
+        raise
+    except RAISED_BY_PARTS as error:  # whatever third-party code raises
+        raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error

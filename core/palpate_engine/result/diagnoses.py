@@ -76,6 +76,7 @@ def apply_diagnoses(
         """Return the diagnoses that have findings on a track."""
         return tuple(name for name in names if label in findings[name])
 
+    # Each diagnosis sees the tracks with the findings of those before it, and no others.
     has_values = {label: bool(np.isfinite(track.values).all()) for label, track in evidence.items()}
     for name, predecessors in _order(tuple(diagnoses.items())):
         diagnosis = diagnoses[name]
@@ -217,15 +218,22 @@ def _budget_rows(result: TrackResult, names: Sequence[str], name: str, finding: 
 def _with_uncertain_derived(
     value: DerivedValue, model: ContactModel, result: TrackResult, finding: Diagnosed, cause: str
 ) -> DerivedValue:
-    """Return a value that follows from the parameters with the uncertainties of a finding, to first order."""
+    """Return a value that follows from the parameters with the uncertainties of a finding, to first order.
+
+    With the gradient g of the value, its share is the root sum of squares of that of the terms, sqrt(sum (g_i u_i)^2),
+    and of the known shifts b, sum g_i b_i, which have one cause.
+    """
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
-    material = next(m for m in model.material(values) if m.name == value.name)
-    gradient = np.array(material.gradient)
+    material = next(candidate for candidate in model.material(values) if candidate.name == value.name)
+    # Terms and shifts of the parameters, with signs where these are known.
     share = material.std([finding.terms.get(name, 0.0) for name in names])
     shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
     share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
+    # A parameter counts as unknown only where the value depends on it.
     is_unknown = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
+    # Rows of the budget keep their own cause.
+    gradient = np.array(material.gradient)
     shares = [abs(float(gradient @ term.shifts)) for term in finding.sources]
     by_sources = _with_sources(value.found, finding, value.name, shares)
     return replace(value, found=by_sources.diagnosed(cause, share, is_unknown))

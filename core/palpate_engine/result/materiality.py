@@ -62,36 +62,57 @@ def weigh(
     within two uncertainties of zero, or of an unknown one, is not determined; one that the alternative of an open fact
     moves by more than half needs that fact.
     """
-    findings: list[tuple[Flag, float]] = []  # with the largest effect, in uncertainties
-    immaterial: list[Flag] = []
-    doubts: dict[str, Verdict] = dict.fromkeys(values, "good")
-
     # Flags, and notes on what the record does not determine.
     judged = registry.judged(flags)
-    noted = {name for flag in judged if flag.code == _UNDETERMINED for name in flag.effects or {}}
-    for flag in (*judged, *registry.judged(_undetermined_flags(noted, values))):
-        moved = _moved_values(flag, values)
-        if flag.severity == "note":
-            findings.append((replace(_with_effects(flag, values), moves=()), _largest_ratio(flag, values)))
-            continue
-        finding = replace(_with_effects(flag, values), moves=moved)
-        if flag.severity == "doubtful" and not moved:
-            immaterial.append(finding)
-            continue
-        findings.append((finding, _largest_ratio(flag, values)))
-        for name in moved:
-            severity: Verdict = "invalid" if _is_voided(flag, name, registry) else flag.severity or "doubtful"
-            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(severity))]
-    findings.sort(key=lambda finding: (-VERDICTS.index(finding[0].severity or "doubtful"), -finding[1]))
+    noted = _undetermined_values(judged)
+    weighed = [_weighed(flag, values) for flag in (*judged, *registry.judged(_undetermined_flags(noted, values)))]
+    # The worst and the largest first; the sort keeps the order of equals.
+    findings = [finding for finding in weighed if finding.is_material]
+    findings.sort(key=lambda finding: (-VERDICTS.index(finding.flag.severity or "doubtful"), -finding.largest_ratio))
+    flags_by_size = tuple(finding.flag for finding in findings)
 
     # Without a rate a viscosity has no size: it needs the rate before it can be undetermined.
-    undetermined = {name for flag, _ in findings if flag.code == _UNDETERMINED for name in flag.effects or {}}
+    undetermined = _undetermined_values(flags_by_size)
     undetermined -= {name for condition in conditions if condition.fact == "rate" for name in condition.shifts}
-    by_value = {
-        name: _verdict_of(doubts[name], name in undetermined, needs(conditions, name, value))
-        for name, value in values.items()
-    }
-    return WeighedFlags(tuple(flag for flag, _ in findings), tuple(immaterial), by_value)
+    doubts = _doubts(flags_by_size, values, registry)
+    by_value = {}
+    for name, value in values.items():
+        by_value[name] = _verdict_of(doubts[name], name in undetermined, needs(conditions, name, value))
+    return WeighedFlags(flags_by_size, tuple(finding.flag for finding in weighed if not finding.is_material), by_value)
+
+
+@dataclass(frozen=True)
+class _WeighedFlag:
+    """A flag with the names of the values that it moves, which are none of a note."""
+
+    flag: Flag
+    largest_ratio: float  # of its effects, in uncertainties of a value
+    is_material: bool  # False of a doubt that moves no value beyond its uncertainty
+
+
+def _weighed(flag: Flag, values: Mapping[str, UncertainValue]) -> _WeighedFlag:
+    """Return a flag with its effects in words, and the values that it moves."""
+    ratio = _largest_ratio(flag, values)
+    if flag.severity == "note":
+        return _WeighedFlag(replace(_with_effects(flag, values), moves=()), ratio, is_material=True)
+    moved = _moved_values(flag, values)
+    is_material = flag.severity != "doubtful" or bool(moved)
+    return _WeighedFlag(replace(_with_effects(flag, values), moves=moved), ratio, is_material)
+
+
+def _doubts(findings: Sequence[Flag], values: Mapping[str, UncertainValue], registry: Registry) -> dict[str, Verdict]:
+    """Return the worst severity of the flags that move each value, by name; good without any."""
+    doubts: dict[str, Verdict] = dict.fromkeys(values, "good")
+    for flag in findings:
+        for name in flag.moves:
+            severity: Verdict = "invalid" if _is_voided(flag, name, registry) else flag.severity or "doubtful"
+            doubts[name] = VERDICTS[max(VERDICTS.index(doubts[name]), VERDICTS.index(severity))]
+    return doubts
+
+
+def _undetermined_values(flags: Sequence[Flag]) -> set[str]:
+    """Return the names of the values that flags say the record does not determine."""
+    return {name for flag in flags if flag.code == _UNDETERMINED for name in flag.effects or {}}
 
 
 def _verdict_of(doubt: Verdict, is_undetermined: bool, needed: str) -> str:

@@ -7,7 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Final
+from typing import NamedTuple
 
 import numpy as np
 from palpate.sound_force import LONGEST, POSE, SoundForce
@@ -27,8 +27,17 @@ _MIN_READINGS = 4  # of half a window, for a mean: a choice
 _MIN_COMMANDED_SHARE = 0.5  # of a way: where less was commanded, the tip has done it before its poses show it; a choice
 _QUIET, _BLOCK = 0.2, 100  # of the noise at standstill; readings (0326)
 _MIN_ELAPSED = 1e-9  # [s] guards against a division by 0
-_COMMANDED: Final = 4  # column of a row
 _DIFFERENCES = 2  # order of the differences that show noise: a smooth rise drops out; so many readings are carried over
+
+
+class _Row(NamedTuple):
+    """The readings since contact began, up to a way of the tip."""
+
+    time: float  # [s]
+    readings: int
+    total: float  # [N] sum of the readings
+    place: Sequence[float]  # [m] of the tip
+    commanded: float  # [m] way inwards; NaN if not known
 
 
 class RiseWatch:
@@ -45,8 +54,7 @@ class RiseWatch:
         self.sound = self._sound = sound
         self.contact = ContactSearch(sound)
         self._ways: list[float] = []  # [m] inwards, in steps
-        # There: time [s], readings, sum [N], place, commanded way [m].
-        self._rows: list[tuple[float, int, float, Sequence[float], float]] = []
+        self._rows: list[_Row] = []  # one at each of these ways
         self._count, self._sum = 0, 0.0
         self._tail = np.zeros(0)  # [N] the latest two readings
         self._rough, self._differences = 0.0, 0
@@ -78,6 +86,7 @@ class RiseWatch:
         return self._quiet(joined) or self._flat(time, way, place, commanded)
 
     def _forget(self) -> None:
+        """Begin anew where nothing is touched."""
         self._ways.clear()
         self._rows.clear()
         self._count, self._sum = 0, 0.0
@@ -116,7 +125,7 @@ class RiseWatch:
                 self._rows.clear()
             return None
         self._ways.append(way)
-        self._rows.append((time, self._count, self._sum, place, commanded))
+        self._rows.append(_Row(time, self._count, self._sum, place, commanded))
         complaint = next((text for window in windows if (text := self._judge(window)) is not None), None)
         if len(self._ways) > _KEPT_WINDOWS * _STEPS and self._ways[2 * _STEPS] < way - LONGEST:
             del self._ways[:_STEPS], self._rows[:_STEPS]
@@ -134,7 +143,7 @@ class RiseWatch:
 
     def _speed(self, begin: int, end: int) -> float:
         """Return the mean speed [m/s] inwards between two rows."""
-        return (self._ways[end] - self._ways[begin]) / max(self._rows[end][0] - self._rows[begin][0], _MIN_ELAPSED)
+        return (self._ways[end] - self._ways[begin]) / max(self._rows[end].time - self._rows[begin].time, _MIN_ELAPSED)
 
     def _judge(self, window: float) -> str | None:
         """Return why the rise over the last way of a `window` [m] is not that of a contact; None where it is, or is not
@@ -143,34 +152,31 @@ class RiseWatch:
         With the means F1 and F2 of both halves of a way w that ends at a depth d, F2 - F1 < _MIN_RISE F w/d is not
         contact, where that bound is five standard errors, and what inertia adds, or more.
         """
-        ways, rows, sound = self._ways, self._rows, self._sound
+        ways, sound = self._ways, self._sound
         first = bisect_right(ways, ways[-1] - window) - 1
         middle = bisect_right(ways, ways[-1] - 0.5 * window) - 1
         if first < 0 or middle <= first or self.contact.foot is None:
             return None
+        begin, half_way, end = self._rows[first], self._rows[middle], self._rows[-1]
         # Counts and sums are totals since contact began; a half is the difference of two of them.
-        (_, n0, sum0, first_place, _), (_, n1, sum1, *_), (_, n2, sum2, last_place, _) = (
-            rows[first],
-            rows[middle],
-            rows[-1],
-        )
-        length = ways[-1] - ways[first]
-        if (
-            min(n1 - n0, n2 - n1) < _MIN_READINGS
-            or math.dist(last_place, first_place) > math.hypot(1.0, _MAX_SIDEWAYS_SHARE) * length
-        ):
+        count_1, count_2 = half_way.readings - begin.readings, end.readings - half_way.readings
+        if min(count_1, count_2) < _MIN_READINGS:
             return None
-        low, high = (sum1 - sum0) / (n1 - n0), (sum2 - sum1) / (n2 - n1)
+        # A way across the skin is not judged, nor one on which the tip slows down.
+        length = ways[-1] - ways[first]
+        if math.dist(end.place, begin.place) > math.hypot(1.0, _MAX_SIDEWAYS_SHARE) * length:
+            return None
         if self._slows_down(first, middle):
             return None
-        # Both bounds are of the mean force of the whole way.
-        force = (sum2 - sum0) / (n2 - n0)
+        # F2 - F1, and both bounds, by the mean force of the whole way.
+        rise = (end.total - half_way.total) / count_2 - (half_way.total - begin.total) / count_1
+        force = (end.total - begin.total) / (end.readings - begin.readings)
         min_rise = _MIN_RISE * force * length / (ways[-1] - self.contact.foot)
-        std = math.hypot(sound.standard_error(n1 - n0), sound.standard_error(n2 - n1))
-        if min_rise < _SIGNIFICANT * std + sound.inertia or high - low >= min_rise:
+        std = math.hypot(sound.standard_error(count_1), sound.standard_error(count_2))
+        if min_rise < _SIGNIFICANT * std + sound.inertia or rise >= min_rise:
             return None
         return (
-            f"{sound.name} rises by {high - low:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
+            f"{sound.name} rises by {rise:.2f} N at {force:.1f} N while the tip goes {1e3 * length:.2f} mm "
             f"deeper, where any contact gives {min_rise:.2f} N or more: {self._cause(first)}"
         )
 
@@ -179,7 +185,7 @@ class RiseWatch:
 
         A tip whose command did not go in meanwhile was there before: its force had risen by then.
         """
-        commanded = self._rows[-1][_COMMANDED] - self._rows[first][_COMMANDED]
+        commanded = self._rows[-1].commanded - self._rows[first].commanded
         if not commanded < _MIN_COMMANDED_SHARE * (self._ways[-1] - self._ways[first]):
             return "the sensor is saturated, and the force is unknown"
         return (
