@@ -238,35 +238,30 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     change too fast for the samples.
     """
     # Of the latest samples, those from the first to the last whose motion is known.
-    known_rows = np.flatnonzero(np.isfinite(tail.position[-_MAX_SAMPLES:]) & np.isfinite(tail.velocity[-_MAX_SAMPLES:]))
+    position, velocity = tail.position[-_MAX_SAMPLES:], tail.velocity[-_MAX_SAMPLES:]
+    known_rows = np.flatnonzero(np.isfinite(position) & np.isfinite(velocity))
     if not len(known_rows):
         return None
     whole_rows = slice(known_rows[0], known_rows[-1] + 1)
-    time, rate = tail.time[-_MAX_SAMPLES:][whole_rows], -tail.velocity[-_MAX_SAMPLES:][whole_rows]
-    depth = float(last.surface.mean()) - tail.position[-_MAX_SAMPLES:][whole_rows]
+    time, rate = tail.time[-_MAX_SAMPLES:][whole_rows], -velocity[whole_rows]
+    depth = float(last.surface.mean()) - position[whole_rows]
     tip_acceleration = acceleration(time, -rate)
     rows = (time >= last.time[0]) & np.isfinite(tip_acceleration)
     if rows.sum() < 2 or not (np.isfinite(depth).all() and np.isfinite(rate).all()):
         return None
 
     def force(theta: Floats, deeper: float = 0.0) -> Floats:
+        """Return the force (n,) [N] of parameters on the way of the tip, or on one that is `deeper` [m]."""
         return force_over_time(model, time, depth + deeper, rate, theta.tolist())
 
-    columns = []
     try:
-        # Central differences by each parameter, then by the surface.
-        for i, value in enumerate(values):
-            step = np.zeros_like(values)
-            step[i] = _STEP * (abs(value) or 1.0)
-            columns.append((force(values + step) - force(values - step)) / (2 * step[i]))
-        columns.append((force(values, _SURFACE_STEP) - force(values, -_SURFACE_STEP)) / (2 * _SURFACE_STEP))
-        whole_force = force(values)
+        slopes, whole_force = _slopes(force, values), force(values)
     except ValueError:  # states that change too fast for the samples
         return None
     return Along(
         model,
         values,
-        jacobian=np.column_stack(columns)[rows],
+        jacobian=slopes[rows],
         force=whole_force[rows],
         change=np.gradient(whole_force, time)[rows],
         acceleration=tip_acceleration[rows],
@@ -275,6 +270,20 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
         by_rate=None,
         _motion=(time, depth, rate, rows),
     )
+
+
+def _slopes(force: Callable[..., Floats], values: Floats) -> Floats:
+    """Return central differences (n, p + 1) of a force (n,) by each parameter (p,), then by the depth.
+
+    `force` is called with parameters, and with a depth [m] that is added. Raises ValueError as it does.
+    """
+    columns = []
+    for i, value in enumerate(values):
+        step = np.zeros_like(values)
+        step[i] = number_step(value)
+        columns.append((force(values + step) - force(values - step)) / (2 * step[i]))
+    columns.append((force(values, _SURFACE_STEP) - force(values, -_SURFACE_STEP)) / (2 * _SURFACE_STEP))
+    return np.column_stack(columns)
 
 
 def number_step(value: float) -> float:

@@ -95,27 +95,16 @@ class ArmModel(Settings):
         Tz(d_i). A link is all that is between the turns Rz of two joints, and the offset of an angle belongs to the
         link before it.
         """
-        screws = [_shift(joint.a, 0.0) @ _turn("x", joint.alpha) for joint in joints]
-        offsets = [_turn("z", joint.offset) for joint in joints]
-        shifts = [_shift(0.0, joint.d) for joint in joints]
-        end = _shift(0.0, flange)
-        if modified:
-            base = screws[0] @ offsets[0]
-            next_joints = [screw @ offset for screw, offset in zip(screws[1:], offsets[1:], strict=True)]
-            links = [shift @ behind for shift, behind in zip(shifts, [*next_joints, end], strict=True)]
-        else:
-            base = offsets[0]
-            parts = zip(shifts, screws, [*offsets[1:], end], strict=True)
-            links = [shift @ screw @ behind for shift, screw, behind in parts]
-        low, high, speed = zip(*((joint.low, joint.high, joint.speed) for joint in joints), strict=True)
+        transforms = _modified_transforms if modified else _standard_transforms
+        base, *links = transforms(joints, flange)
         return cls(
             name=name,
             base=numbers_of(base),
             links=tuple(numbers_of(link) for link in links),
             joints=tuple(joint.name for joint in joints),
-            low=low,
-            high=high,
-            speed=speed,
+            low=tuple(joint.low for joint in joints),
+            high=tuple(joint.high for joint in joints),
+            speed=tuple(joint.speed for joint in joints),
             places=tuple(places),
         )
 
@@ -183,6 +172,31 @@ class ArmModel(Settings):
         return None
 
 
+def _standard_transforms(joints: Sequence[DHJoint], flange: float) -> list[Floats]:
+    """Return base and links (4, 4) of standard parameters: base = Rz(o_1), L_i = Tz(d_i) Tx(a_i) Rx(alpha_i) Rz(o_i+1).
+
+    o_i is the offset of an angle; behind the last joint is the flange, Tz(flange).
+    """
+    offsets = [_turn("z", joint.offset) for joint in joints]
+    transforms = [offsets[0]]
+    for joint, behind in zip(joints, [*offsets[1:], _shift(0.0, flange)], strict=True):
+        screw = _shift(joint.a, 0.0) @ _turn("x", joint.alpha)
+        transforms.append(_shift(0.0, joint.d) @ screw @ behind)
+    return transforms
+
+
+def _modified_transforms(joints: Sequence[DHJoint], flange: float) -> list[Floats]:
+    """Return base and links (4, 4) of Craig's parameters: base = S_1, L_i = Tz(d_i) S_i+1, S = Tx(a) Rx(alpha) Rz(o).
+
+    o is the offset of an angle; behind the last joint is the flange, Tz(flange).
+    """
+    fronts = [_shift(joint.a, 0.0) @ _turn("x", joint.alpha) @ _turn("z", joint.offset) for joint in joints]
+    transforms = [fronts[0]]
+    for joint, behind in zip(joints, [*fronts[1:], _shift(0.0, flange)], strict=True):
+        transforms.append(_shift(0.0, joint.d) @ behind)
+    return transforms
+
+
 @lru_cache(maxsize=16)  # Newton's method begins where it last ended
 def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
     """Return what `ArmModel.flange` does: pose (4, 4) of the flange, and the axes (n, 2, 3) of the joints.
@@ -196,12 +210,15 @@ def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
     for angle, (a, b, c, d, e, f, g, h, i, along, across, up) in zip(q, model.links, strict=True):
         axes.append(((x, y, z), (xw, yw, zw)))
         cosine, sine = math.cos(angle), math.sin(angle)
+        # The first row of T.
         u, v, w = xu * cosine + xv * sine, xv * cosine - xu * sine, xw
         x += u * along + v * across + w * up
         xu, xv, xw = u * a + v * d + w * g, u * b + v * e + w * h, u * c + v * f + w * i
+        # The second row.
         u, v, w = yu * cosine + yv * sine, yv * cosine - yu * sine, yw
         y += u * along + v * across + w * up
         yu, yv, yw = u * a + v * d + w * g, u * b + v * e + w * h, u * c + v * f + w * i
+        # The third row.
         u, v, w = zu * cosine + zv * sine, zv * cosine - zu * sine, zw
         z += u * along + v * across + w * up
         zu, zv, zw = u * a + v * d + w * g, u * b + v * e + w * h, u * c + v * f + w * i

@@ -186,6 +186,7 @@ def joint_feeds(
         raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {topics})")
     with name_the_log(log):
         decoder = decoder_of(container.topics[kinematics.topic])
+    # What is read of each joint, by its name in the message.
     names = [joint.name for joint in kinematics.chain]
     angles = tuple(FieldReading("position", None, name) for name in names)
     speeds = tuple(FieldReading("velocity", None, name) for name in names)
@@ -207,6 +208,7 @@ def joint_feeds(
     twist = feed(twist_stream, angles + speeds, kinematics.twist)
     orientation = feed(Stream("", (), None), angles, kinematics.quaternions)
     check_fields(container, [tip], log)
+    # The velocity of the tip needs speeds, which are optional in such messages.
     with name_the_log(log):
         return ([tip, twist] if _has_speeds(container, twist) else [tip]), orientation
 

@@ -32,6 +32,7 @@ _DENSEST_PART = 20  # of the readings: a twentieth of them is looked for in the 
 _ONE_SIDED_RATIO = 4.0  # of excursions to both sides of the rest, from which on a force is one-sided
 _BEGIN_PART, _MIN_BEGIN = 100, 8  # a hundredth of a record is its begin, or so many samples
 _BEND_SIGMAS = 3.0  # standard errors of a significant bend, with 50 independent stretches of the record
+_BEND = 2  # number of the term z^2 of the law
 _STRETCHES = 50
 _SIDE_PERCENTILES = (1.0, 99.0)  # [%] of the forces, that have one sign
 _RIDGE = 1e-9  # of the normal equations' diagonal, for terms that are the same
@@ -143,13 +144,11 @@ def contact_law(position: Floats, force: Floats) -> ContactEvidence:
         return ContactEvidence(0.0, 0.0, 0.0)
     if len(position) < _MIN_LAW_SAMPLES:
         return ContactEvidence(0.0, 0.0, 0.0, float(np.corrcoef(position, force)[0, 1]))
-    # In units of their standard deviations.
-    z = position[_RATE_SAMPLES:-_RATE_SAMPLES]
-    z = (z - z.mean()) / max(float(z.std()), _SMALLEST)
+    # In units of their standard deviations, without the ends, which have no rate.
+    z = _standardized(position[_RATE_SAMPLES:-_RATE_SAMPLES])
     rate = _slope(position, 1.0, _RATE_SAMPLES)
     rate = rate / max(float(rate.std()), _SMALLEST)
-    response = force[_RATE_SAMPLES:-_RATE_SAMPLES]
-    response = (response - response.mean()) / max(float(response.std()), _SMALLEST)
+    response = _standardized(force[_RATE_SAMPLES:-_RATE_SAMPLES])
     # Normal equations as sums over stretches.
     terms = np.column_stack([np.ones(len(z)), z, z**2, rate, z * rate])
     cuts = np.linspace(0, len(response), _STRETCHES + 1).astype(int)
@@ -159,12 +158,26 @@ def contact_law(position: Floats, force: Floats) -> ContactEvidence:
     ridge = _RIDGE * np.eye(terms.shape[1]) * len(response)
     coefficients = np.linalg.solve(squares.sum(axis=0) + ridge, products.sum(axis=0))
     share = 1.0 - float(np.mean((response - terms @ coefficients) ** 2))
-    # The bend's error by a jackknife over stretches: neighbouring samples are not independent evidence.
-    products_without = (products.sum(axis=0) - products)[..., None]
-    bends_without = np.linalg.solve(squares.sum(axis=0) - squares + ridge, products_without)[:, 2, 0]
-    error = float(np.sqrt((_STRETCHES - 1) * np.mean((bends_without - bends_without.mean()) ** 2)))
-    bend = float(coefficients[2] / error) if error > 0 else 0.0
+    error = _bend_error(squares, products, ridge)
+    bend = float(coefficients[_BEND] / error) if error > 0 else 0.0
     return ContactEvidence(share, float(coefficients[1]), bend, float(np.mean(z * response)))
+
+
+def _standardized(column: Floats) -> Floats:
+    """Return a column (n,) less its mean, in units of its standard deviation."""
+    deviations = column - column.mean()
+    return np.asarray(deviations / max(float(column.std()), _SMALLEST))
+
+
+def _bend_error(squares: Floats, products: Floats, ridge: Floats) -> float:
+    """Return the standard error of the bend by a jackknife over m stretches, sqrt((m - 1)/m sum (b_i - mean b)^2).
+
+    b_i is the bend without a stretch; neighbouring samples are not independent evidence. Normal equations of the
+    stretches (m, t, t) and (m, t), and the `ridge` (t, t) of their sum.
+    """
+    products_without = (products.sum(axis=0) - products)[..., None]
+    bends_without = np.linalg.solve(squares.sum(axis=0) - squares + ridge, products_without)[:, _BEND, 0]
+    return float(np.sqrt((_STRETCHES - 1) * np.mean((bends_without - bends_without.mean()) ** 2)))
 
 
 def rest_level(force: Floats) -> tuple[float, float]:
@@ -200,12 +213,14 @@ class Sign:
 
 def force_sign(force: Floats, law: ContactEvidence) -> Sign:
     """Return the sign of a force in contact: by the side of its rest that it leaves to, by its bend, by its mean."""
+    # The side to which it leaves its rest, if it rests and leaves to one side.
     level, rest_share = rest_level(force)
     high, low = (float(x) for x in np.percentile(force, _SPAN_PERCENTILES))
     up, down = high - level, level - low
     is_one_sided = max(up, down) > _ONE_SIDED_RATIO * max(min(up, down), _SMALLEST)
     rests = rest_share > _REST_SHARE and is_one_sided
     side = 1 if up >= down else -1
+    # The sign by which it grows faster than the depth, as in contact with a round tip.
     bend_sign = 1 if law.bend >= 0 else -1
     sigmas = abs(law.bend)
     is_bent = sigmas > _BEND_SIGMAS
@@ -214,6 +229,7 @@ def force_sign(force: Floats, law: ContactEvidence) -> Sign:
     if is_bent and not rests:
         is_sure = sigmas > 2 * _BEND_SIGMAS or _one_side(force) == bend_sign
         return Sign(bend_sign, "it grows faster than the depth", is_sure)
+    # Both speak, against each other: a strong bend is believed.
     if sigmas > 3 * _BEND_SIGMAS:  # the rest is one in contact
         return Sign(bend_sign, "it grows faster than the depth", True)
     if is_bent:

@@ -111,29 +111,41 @@ def next_damping(damping: float, gain_ratio: float) -> float:
 def bounded_step(equations: Floats, low: Floats, high: Floats, damping: float = 0.0) -> tuple[Floats, float]:
     """Return the damped step of Gauss and Newton (p,) within bounds (p,), and by how much it should lower the cost.
 
-    The equations [r, J]^T [r, J] (1 + p, 1 + p) are scaled, so that the diagonal of J^T J is 1.
+    The equations [r, J]^T [r, J] (1 + p, 1 + p) are scaled, so that the diagonal of A = J^T J is 1.
     """
-    (_, *gradient), *rows = equations.tolist()
-    lengths = [math.sqrt(row[i]) or 1.0 for i, row in enumerate(rows, 1)]
-    curvature = [
-        [value / length / other for value, other in zip(row[1:], lengths, strict=True)]
-        for row, length in zip(rows, lengths, strict=True)
-    ]
-    gradient = [value / length for value, length in zip(gradient, lengths, strict=True)]
+    lengths, slope, curvature = _scaled(equations)
     damped = [row.copy() for row in curvature]
     for i, row in enumerate(damped):
         row[i] += max(damping, MIN_DAMPING)
     # Without a bound in its way the step is one elimination.
-    step = _by_elimination([row.copy() for row in damped], [-value for value in gradient])
-    edges = zip(lengths, low.tolist(), high.tolist(), strict=True)
-    if step is None or not all(
-        lo * length <= s <= hi * length for s, (length, lo, hi) in zip(step, edges, strict=True)
-    ):
-        step = bounded_quadratic(np.array(damped), np.array(gradient), low * lengths, high * lengths).tolist()
+    step = _by_elimination([row.copy() for row in damped], [-value for value in slope])
+    if step is None or not _is_within(step, lengths, low.tolist(), high.tolist()):
+        step = bounded_quadratic(np.array(damped), np.array(slope), low * lengths, high * lengths).tolist()
     # The decrease by the undamped quadratic: -b^T s - s^T A s/2.
     curved = [sum(map(mul, row, step)) for row in curvature]
-    decrease = -sum(map(mul, step, gradient)) - 0.5 * sum(map(mul, step, curved))
+    decrease = -sum(map(mul, step, slope)) - 0.5 * sum(map(mul, step, curved))
     return np.array([s / length for s, length in zip(step, lengths, strict=True)]), decrease
+
+
+def _scaled(equations: Floats) -> tuple[list[float], list[float], list[list[float]]]:
+    """Return lengths l (p,) of the columns of J, the slope b = J^T r / l (p,) and A = J^T J / (l l^T), by rows.
+
+    A column of zeros has length 1. Plain floats, since numpy is slower for a few unknowns.
+    """
+    (_, *gradient), *rows = equations.tolist()
+    lengths = [math.sqrt(row[i]) or 1.0 for i, row in enumerate(rows, 1)]
+    curvature = []
+    for row, length in zip(rows, lengths, strict=True):
+        curvature.append([value / length / other for value, other in zip(row[1:], lengths, strict=True)])
+    return lengths, [value / length for value, length in zip(gradient, lengths, strict=True)], curvature
+
+
+def _is_within(step: list[float], lengths: list[float], low: list[float], high: list[float]) -> bool:
+    """Return True if a scaled step keeps bounds of the unknowns; all (p,)."""
+    for s, length, lower, upper in zip(step, lengths, low, high, strict=True):
+        if not lower * length <= s <= upper * length:
+            return False
+    return True
 
 
 def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Floats) -> Floats:

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from palpate import ConfigurationError, Floats, LogError
@@ -15,28 +16,77 @@ _LIKELIHOOD_TOLERANCE = 1e-12  # of the likelihood (choice)
 _UPPER_PROBABILITY = 0.975  # of Student's t at the upper end of a 95 % interval
 
 
-def mixed_differences(
-    groups: Mapping[str, Mapping[str, Floats]],
-) -> dict[tuple[str, str], tuple[float, float, float, float, float, float]]:
+class MixedDifference(NamedTuple):
+    """The difference of the means of two groups, second less first, by the mixed model."""
+
+    difference: float
+    low: float  # of the 95 % interval
+    high: float
+    t: float
+    freedom: float
+    p: float
+
+
+def mixed_differences(groups: Mapping[str, Mapping[str, Floats]]) -> dict[tuple[str, str], MixedDifference]:
     """Return, of every two groups of units with values (m,): difference, its 95 % interval, t, degrees of freedom, p.
 
     Value = mean of the group + random intercept of the unit + noise, by restricted maximum likelihood; the degrees of
     freedom are units less groups. Raises ConfigurationError without statsmodels, and LogError where it cannot be
     fitted.
     """
+    from scipy.stats import t as student
+
+    model = _fitted_model(groups)
+    scale, covariance = model.scale, model.covariance
+    unit_count = sum(len(units) for units in groups.values())
+    freedom = float(unit_count - len(groups))
+    quantile = float(student.ppf(_UPPER_PROBABILITY, freedom))
+    names = list(groups)
+    differences = {}
+    for i, j in combinations(range(len(names)), 2):
+        difference = scale * float(model.means[j] - model.means[i])
+        std = scale * math.sqrt(covariance[i, i] + covariance[j, j] - 2 * covariance[i, j])
+        t = difference / std
+        differences[names[i], names[j]] = MixedDifference(
+            difference=difference,
+            low=difference - quantile * std,
+            high=difference + quantile * std,
+            t=t,
+            freedom=freedom,
+            p=float(2 * student.sf(abs(t), freedom)),
+        )
+    return differences
+
+
+class _FittedModel(NamedTuple):
+    """Means of groups, less that of all values, in units of the standard deviation `scale` of all values."""
+
+    means: Floats  # (g,)
+    covariance: Floats  # (g, g)
+    scale: float
+
+
+def _fitted_model(groups: Mapping[str, Mapping[str, Floats]]) -> _FittedModel:
+    """Return the means of groups and their covariance by restricted maximum likelihood.
+
+    Raises ConfigurationError without statsmodels, and LogError where the model cannot be fitted.
+    """
     try:
         from statsmodels.regression.mixed_linear_model import MixedLM
     except ImportError as error:
         raise ConfigurationError('--mixed needs statsmodels; pip install "palpate[mixed]"') from error
-    from scipy.stats import t as student
 
-    names = list(groups)
-    units = [(i, values) for i, name in enumerate(names) for values in groups[name].values()]
-    values = np.concatenate([unit_values for _, unit_values in units])
-    counts = [len(unit_values) for _, unit_values in units]
+    # Values unit by unit, with the group and the unit of each.
+    group_numbers, unit_values = [], []
+    for i, units in enumerate(groups.values()):
+        for values_of_unit in units.values():
+            group_numbers.append(i)
+            unit_values.append(values_of_unit)
+    values = np.concatenate(unit_values)
+    counts = [len(values_of_unit) for values_of_unit in unit_values]
     scale = float(values.std()) or 1.0
-    design = np.eye(len(names))[np.repeat([i for i, _ in units], counts)]  # the mean of each group
-    labels = np.repeat(np.arange(len(units)), counts)  # the unit of each value
+    design = np.eye(len(groups))[np.repeat(group_numbers, counts)]  # the mean of each group
+    labels = np.repeat(np.arange(len(counts)), counts)  # the unit of each value
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a variance between units at its bound, 0, which is an estimate like others
         model = MixedLM((values - values.mean()) / scale, design, groups=labels)
@@ -46,15 +96,5 @@ def mixed_differences(
             fit = None
     if fit is None or not fit.converged:
         raise LogError("--mixed: the model cannot be fitted to these values: do the curves of a unit scatter at all?")
-    means, covariance = np.asarray(fit.fe_params), np.asarray(fit.cov_params())[: len(names), : len(names)]
-    freedom = float(len(units) - len(names))
-    quantile = float(student.ppf(_UPPER_PROBABILITY, freedom))
-    differences = {}
-    for i, j in combinations(range(len(names)), 2):
-        difference = scale * float(means[j] - means[i])
-        std = scale * math.sqrt(covariance[i, i] + covariance[j, j] - 2 * covariance[i, j])
-        t = difference / std
-        p = float(2 * student.sf(abs(t), freedom))
-        interval = difference - quantile * std, difference + quantile * std
-        differences[names[i], names[j]] = (difference, *interval, t, freedom, p)
-    return differences
+    covariance = np.asarray(fit.cov_params())[: len(groups), : len(groups)]
+    return _FittedModel(np.asarray(fit.fe_params), covariance, scale)
