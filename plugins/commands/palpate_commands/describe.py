@@ -9,7 +9,7 @@ import typing
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from palpate import ConfigurationError, Settings, suggest
@@ -19,6 +19,7 @@ from palpate_engine import (
     AlignmentSettings,
     FlagEntry,
     Quantity,
+    Registry,
     RunSettings,
     dimension,
     nested_settings,
@@ -48,24 +49,18 @@ def describe(
         list_parts(as_json=as_json)
         return
     registry = registries.load()
-    parts: list[tuple[str, str, type[Settings]]] = []  # kind, title and settings
-    for kind in registry.parts:
-        with suppress(ConfigurationError):
-            full = registry.named(kind, part)
-            parts.append((kind, f"{full}: a type of [{kind}.*]", registry.find(kind, full)))
-    if part in _TABLES:
-        parts.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
-    if as_json and (parts or part in registry.flags):
-        flags = [registry.flags[part].meaning] if part in registry.flags else []
-        print_json(
-            {"name": part, "parts": [_part_table(kind, settings) for kind, _, settings in parts], "flags": flags}
-        )
+    parts = _parts_named(registry, part)
+    flag = registry.flags.get(part)
+    if as_json and (parts or flag is not None):
+        tables = [_part_table(named.table_kind, named.settings) for named in parts]
+        print_json({"name": part, "parts": tables, "flags": [] if flag is None else [flag.meaning]})
         return
-    texts = ["\n".join(_description(title, settings)) for _, title, settings in parts]
+    # The name of a part may be that of a flag as well, present or former.
+    texts = ["\n".join(_description(named.title, named.settings)) for named in parts]
     if part in FORMER_FLAGS:
         texts.append(f"{part}: since schema 5 a condition of {FORMER_FLAGS[part]}: what the values hold for, no doubt")
-    if part in registry.flags:
-        texts.append("\n".join(_flag_description(part, registry.flags[part])))
+    if flag is not None:
+        texts.append("\n".join(_flag_description(part, flag)))
     if not texts:
         names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
         notices = "".join(f"; {notice}" for notice in registry.notices)
@@ -73,7 +68,28 @@ def describe(
     typer.echo("\n\n".join(texts))
 
 
+class _NamedPart(NamedTuple):
+    """Settings that a name stands for: those of a part of a kind, or of a table of every pipeline."""
+
+    table_kind: str
+    title: str
+    settings: type[Settings]
+
+
+def _parts_named(registry: Registry, name: str) -> list[_NamedPart]:
+    """Return the parts of all kinds with a name, or initials, and the table of that name."""
+    parts = []
+    for kind in registry.parts:
+        with suppress(ConfigurationError):  # no part of that kind has the name
+            full_name = registry.named(kind, name)
+            parts.append(_NamedPart(kind, f"{full_name}: a type of [{kind}.*]", registry.find(kind, full_name)))
+    if name in _TABLES:
+        parts.append(_NamedPart("table", f"[{name}]: a table of every pipeline", _TABLES[name]))
+    return parts
+
+
 def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
+    """Yield the lines of a flag: severity, meaning, remedy and plugin."""
     yield f"{code}: a flag, {entry.meaning.severity} ({SEVERITIES[entry.meaning.severity]})"
     yield ""
     yield entry.meaning.meaning

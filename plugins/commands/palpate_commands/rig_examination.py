@@ -120,33 +120,43 @@ def _listen(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> I
     """Yield the findings on the readings of a while [s]: rates, standstill, ways to the start, health, calibration."""
     streams = pipeline.ports.streams
     guard = Guard(pipeline.safety, pipeline.ports)
-    live = LiveLinks(links, pipeline.devices, guard)
-    batches: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
-    live.start()
-    try:
-        for arrivals in live.until(clock().now() + duration):
-            for name, batch in arrivals:
-                batches[name, batch.stream].append(batch)
-    finally:
-        live.stop()
+    batches = _readings(links, LiveLinks(links, pipeline.devices, guard), duration)
     if guard.reason is not None:
         yield Finding("bad", "link", guard.reason)
         return
     for name in links:
         for stream in streams[name]:
-            yield from _stream(f"{name}.{stream.name}", stream, batches[name, stream.name], pipeline.alignment.gap)
+            of_stream = batches.get((name, stream.name), [])
+            yield from _stream(f"{name}.{stream.name}", stream, of_stream, pipeline.alignment.gap)
+    # Force and velocity at rest need every device.
     if len(links) == len(pipeline.devices):
         yield _standstill(guard, declared_noise(pipeline))
     yield from _ways(pipeline, links)
-    for name, link in links.items():
-        if isinstance(link, ReportsHealth):
-            yield from (Finding("good", name, line) for line in _health_lines(link.health))
-            yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
+    health = {name: link.health for name, link in links.items() if isinstance(link, ReportsHealth)}
+    yield from _health(pipeline, health)
+
+
+def _readings(links: Mapping[str, Link], live: LiveLinks, duration: float) -> dict[tuple[str, str], list[Batch]]:
+    """Return the batches that arrive in a while [s], by device and stream."""
+    batches: dict[tuple[str, str], list[Batch]] = {}
+    live.start()
+    try:
+        for arrivals in live.until(clock().now() + duration):
+            for name, batch in arrivals:
+                batches.setdefault((name, batch.stream), []).append(batch)
+    finally:
+        live.stop()
+    return batches
+
+
+def _health(pipeline: Pipeline, health: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    """Yield the findings on the reports of devices: their health, their payloads, and whether the calibration holds."""
+    for name, report in health.items():
+        yield from (Finding("good", name, line) for line in _health_lines(report))
+        yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: report}))
     if pipeline.calibration is not None:
-        health = {name: link.health for name, link in links.items() if isinstance(link, ReportsHealth)}
-        yield from (
-            Finding("note", "calibration", flag.message) for flag in pipeline.calibration.flags(pipeline, health)
-        )
+        for flag in pipeline.calibration.flags(pipeline, health):
+            yield Finding("note", "calibration", flag.message)
 
 
 def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:
@@ -154,11 +164,13 @@ def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iter
     if not batches:
         yield Finding("bad", name, "sends nothing")
         return
-    stamps, received = (np.concatenate([getattr(b, key) for b in batches]) for key in ("time", "received"))
-    intervals = np.diff(stamps) / 1e9
+    stamps = np.concatenate([batch.time for batch in batches])  # (n,) [ns]
+    received = np.concatenate([batch.received for batch in batches])  # (n,) [ns]
+    intervals = np.diff(stamps) / 1e9  # [s]
     if len(intervals) < _MIN_INTERVALS:
         yield Finding("bad", name, f"sent only {len(stamps)} readings")
         return
+    # The mean rate beside the nominal one, and the longest pause.
     rate, longest = 1.0 / float(intervals.mean()), float(intervals.max())
     is_nominal = stream.rate is None or abs(rate / stream.rate - 1.0) < _RATE_TOLERANCE
     remark = "" if is_nominal else f" (nominally {stream.rate:g} Hz)"

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate_engine import Pipeline, context_of, function_of, load_pipeline, run_pipeline
+from palpate_engine import Pipeline, Result, context_of, function_of, load_pipeline, run_pipeline
 from palpate_kit.terminal.fact_options import with_facts
 from palpate_kit.terminal.layout import layout
 from palpate_kit.terminal.options import DetailsOption, FolderOption, FormatOption, Overrides
@@ -48,9 +48,14 @@ def run(
     """Run a pipeline; print the results and where they are written."""
     if file.is_dir() or file.suffix in _LOG_SUFFIXES:
         raise ConfigurationError(f"{file}: is not a pipeline file; `palpate replay` estimates a recorded run again")
-    assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
-    assignments += ["run.report=true"] if report else []
-    assignments += ['sink.live.type="live"'] if live else []
+    # Options stand for keys of the pipeline.
+    assignments = list(overrides or [])
+    if seed is not None:
+        assignments.append(f"run.seed={seed}")
+    if report:
+        assignments.append("run.report=true")
+    if live:
+        assignments.append('sink.live.type="live"')
     with progress(f"look at {file}"):  # a log of gigabytes is passed once for what it holds
         pipeline = load_pipeline(file, assignments)
     for name, table in pipeline.tables.items():
@@ -58,7 +63,9 @@ def run(
             typer.echo(f"one run: [{name}] is for `palpate {command} {file}`, which makes all of them", err=True)
     if speed is not None and lift is None:
         raise ConfigurationError("--speed is for --lift: a slower palpation is another measurement, of [trajectory.*]")
-    execute(pipeline if lift is None else lifted(pipeline, lift, speed), out, as_json, details)
+    if lift is not None:
+        pipeline = lifted(pipeline, lift, speed)
+    execute(pipeline, out, as_json, details)
 
 
 def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details: bool = False) -> None:
@@ -66,8 +73,10 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     for notice in pipeline.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:
+        # The first display of all plugins shows the run, unless a program reads the output.
         screen = None
-        for name, display in [] if as_json else list(pipeline.registry.displays.items())[:1]:
+        displays = {} if as_json else pipeline.registry.displays
+        for name, display in list(displays.items())[:1]:
             screen = stack.enter_context(context_of(function_of(display)(pipeline), f"display {name}"))
         result = run_pipeline(pipeline, out, screen and screen.progress, screen)
     if result.signal == signal.SIGHUP:  # the terminal is gone
@@ -75,18 +84,22 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
     else:
-        terminal = console(_DETAILS_WIDTH if details else WIDTH)
-        for view in result_views(pipeline, result, details):
-            print_view(terminal, view)
-        if (lift := result.run.get("lifted")) is not None:
-            typer.echo(
-                f"lifted by {1e3 * lift['height']:g} mm, at {lift['pace']:.0%} of the speed: nothing was palpated"
-            )
-        typer.echo(f"written to {result.folder}", err=layout() != "table")
+        _print_result(pipeline, result, details)
     for line in _report_lines(pipeline, result.folder):
         typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()
     result.demand_no_failure()
+
+
+def _print_result(pipeline: Pipeline, result: Result, details: bool) -> None:
+    """Print the views of a result, and the folder that it is written to."""
+    terminal = console(_DETAILS_WIDTH if details else WIDTH)
+    for view in result_views(pipeline, result, details):
+        print_view(terminal, view)
+    lift = result.run.get("lifted")
+    if lift is not None:
+        typer.echo(f"lifted by {1e3 * lift['height']:g} mm, at {lift['pace']:.0%} of the speed: nothing was palpated")
+    typer.echo(f"written to {result.folder}", err=layout() != "table")
 
 
 def _report_lines(pipeline: Pipeline, folder: Path) -> Iterator[str]:

@@ -55,15 +55,17 @@ def acceptance(
     limits, visits = demand_limits(pipeline), _visits(step or [], pipeline)
     force = _stop_force(stop_force, limits.stop_force)
     guide, began = _guide(), datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+    # A protocol that is refused leaves no folder.
     folder = make_folder("acceptance", out, began)
     start = partial(ProcessJob, file, overrides or [])
     protocol = AcceptanceProtocol(pipeline, folder, guide, start, force)
-    outcomes: list[Outcome] = []
     try:
         protocol.refuse(visits)
     except ConfigurationError:
         withdraw_folder(folder)
         raise
+    # Step by step; where one fails, the page has the steps before.
+    outcomes: list[Outcome] = []
     try:
         for outcome in _outcomes(pipeline, folder, protocol, force, visits):
             outcomes.append(outcome)
@@ -95,6 +97,7 @@ def _outcomes(
 def _acceptance(
     pipeline: Pipeline, file: Path, began: datetime, protocol: AcceptanceProtocol, outcomes: Sequence[Outcome]
 ) -> Acceptance:
+    """Return the page of the steps that were made so far."""
     return Acceptance(
         pipeline.run.name,
         str(file),
