@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,35 +54,37 @@ def page_of_runs(
     """
     if not any(run.tracks for run in runs):
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
-    chosen = _track_of(runs, track)
-    parameters = _parameters(runs, chosen)
-    pictures = [
-        {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name, noun)}
-        for name, unit in parameters.items()
-    ]
-    comparisons = {name: compare_runs(runs, groups, chosen, name, unit) for name in parameters}
-    sites = sites_of(runs, chosen, *next(iter(parameters.items()))) if parameters else None
+    chosen_track = _track_of(runs, track)
+    units = _parameter_units(runs, chosen_track)
+    pictures = []
+    for parameter, si_unit in units.items():
+        picture = values_by_run(runs, chosen_track, parameter, si_unit)
+        pictures.append({"svg": svg_text(picture), "caption": caption_of(parameter, noun)})
+    comparisons = {name: compare_runs(runs, groups, chosen_track, name, unit) for name in units}
+    # The first parameter stands for all on the picture of sites.
+    sites = sites_of(runs, chosen_track, *next(iter(units.items()))) if units else None
+    statistics, tests = [], []
+    for parameter, comparison in comparisons.items():
+        for group in groups:
+            statistics.append(_statistics(runs, comparison, group, chosen_track, parameter, units[parameter]))
+        tests += _tests(comparison, parameter, units[parameter])
     return render(
         "comparison.html",
         title=f"{len(runs)} {noun}s",
         noun=noun,
         notes=notes,
-        track=chosen,
-        box=result_box(_table(runs, chosen, noun)),
+        track=chosen_track,
+        box=result_box(_table(runs, chosen_track, noun)),
         legend=LEGEND,
-        statistics=[
-            _statistics(runs, comparisons[name], group, chosen, name, parameters[name])
-            for name in parameters
-            for group in groups
-        ],
+        statistics=statistics,
         grouped=len(groups) > 1,
-        tests=[row for name, found in comparisons.items() for row in _tests(found, name, parameters[name])],
+        tests=tests,
         cautions=_cautions(comparisons),
         replicated=any(not comparison.singles for comparison in comparisons.values()),
         pictures=pictures,
         sites=svg_text(sites) if sites is not None else None,
-        parameters=list(parameters),
-        rows=[_row(run, chosen, parameters) for run in runs[:_MAX_ROWS]],
+        parameters=list(units),
+        rows=[_row(run, chosen_track, units) for run in runs[:_MAX_ROWS]],
         hidden=max(len(runs) - _MAX_ROWS, 0),
         pipeline=_pipelines(runs),
         study=study,
@@ -106,29 +108,31 @@ def _result_row(run: GroupRun, track: str) -> ResultRow:
 
 
 def _run(group: str, path: Path, pipelines: dict[str, str], anonymous: bool) -> GroupRun:
+    """Return a run of a group, from its folder; its pipeline is the same text as that of another run (`pipelines`)."""
     record = RunContents.read(path)
     text = record.resolved_text
     return GroupRun(
-        record.path.resolve().name,
-        group,
-        judge(record),
-        _place(record),
-        {name: _compared(table) for name, table in record.document.get("tracks", {}).items()},
-        record.document.get("truth", {}),
-        None if text is None else pipelines.setdefault(text, text),
-        Anonymous(record.document, record.resolved, record.path) if anonymous else None,
+        name=record.path.resolve().name,
+        group=group,
+        verdict=judge(record),
+        place=_place(record),
+        tracks={name: _compared(table) for name, table in record.document.get("tracks", {}).items()},
+        truth=record.document.get("truth", {}),
+        pipeline=None if text is None else pipelines.setdefault(text, text),
+        veil=Anonymous(record.document, record.resolved, record.path) if anonymous else None,
     )
 
 
 def _compared(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers of a track that are compared."""
-    numbers = {
-        name: {key: value[key] for key in _COMPARED if key in value} for name, value in table["parameters"].items()
-    }
+    numbers = {}
+    for name, value in table["parameters"].items():
+        numbers[name] = {key: value[key] for key in _COMPARED if key in value}
     return {"verdict": table["verdict"], "parameters": numbers}
 
 
 def _place(record: RunContents) -> tuple[float, float] | None:
+    """Return the place [m] at which a run was palpated; None of a sweep, or where it is not known."""
     for _, track in RunContents(record.folder).tracks.values():  # read for this alone, and not kept in memory
         places = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
         if len(places) and np.ptp(places, axis=0).max() < MIN_SITE_DISTANCE:
@@ -146,7 +150,8 @@ def _track_of(runs: Sequence[GroupRun], track: str | None) -> str:
     return track or max(names, key=lambda name: (sum(name in run.tracks for run in runs), mains.count(name)))
 
 
-def _parameters(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
+def _parameter_units(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
+    """Return the SI units of the parameters of a track, by name."""
     tables = [run.tracks[track]["parameters"] for run in runs if track in run.tracks]
     return {name: value["unit"] for table in tables for name, value in table.items()}
 
@@ -154,29 +159,29 @@ def _parameters(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
 def _statistics(
     runs: Sequence[GroupRun], comparison: GroupComparison, group: str, track: str, parameter: str, unit: str
 ) -> dict[str, Any]:
+    """Return the row of a group: mean, scatter, stated uncertainty (rms) and their ratio, of a parameter [unit].
+
+    Of fewer than two values there is no scatter.
+    """
     values, combined = numbers_of(runs, group, track, parameter)
     symbol, factor = display_unit(unit)
-    of_group = sum(run.group == group for run in runs)
-    row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": symbol, "count": len(values), "of": of_group}
-    if len(values) < 2:
-        return row | {
-            "units": "" if comparison.singles or not len(values) else f"1 ({comparison.unit})",
-            "mean": "–" if not len(values) else value_with_uncertainty(factor * values[0], factor * combined[0]),
-            "std": "–",
-            "combined": "–",
-            "ratio": "–",
-        }
-    std, stated = (
-        float(values.std(ddof=1)),
-        float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan,
-    )
-    units = next(found for found in comparison.groups if found.name == group)
+    run_count = sum(run.group == group for run in runs)
+    row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": symbol}
+    row |= {"count": len(values), "of": run_count, "std": "–", "combined": "–", "ratio": "–"}
+    if not len(values):
+        return row | {"units": "", "mean": "–"}
+    if len(values) == 1:
+        single_unit = "" if comparison.singles else f"1 ({comparison.unit})"
+        return row | {"units": single_unit, "mean": value_with_uncertainty(factor * values[0], factor * combined[0])}
+    std = float(values.std(ddof=1))
+    stated = float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan
+    units = next(candidate for candidate in comparison.groups if candidate.name == group)
     # Single values are taken in their order, in which neighbours may correlate; units of several are not.
     scatter = std_of_mean(values) if comparison.singles else units.std_of_mean
-    of_mean = combined_of_mean(scatter, common_of(runs, group, track, parameter))
+    uncertainty_of_mean = combined_of_mean(scatter, common_of(runs, group, track, parameter))
     return row | {
         "units": "" if comparison.singles else f"{units.units} ({comparison.unit})",
-        "mean": value_with_uncertainty(factor * units.mean, factor * of_mean),
+        "mean": value_with_uncertainty(factor * units.mean, factor * uncertainty_of_mean),
         "std": f"{factor * std:.3g}",
         "combined": f"{factor * stated:.3g}" if math.isfinite(stated) else "?",
         "ratio": f"{std / stated:.2f}" if stated > 0 else "–",
@@ -205,12 +210,13 @@ def _cautions(comparisons: Mapping[str, GroupComparison]) -> list[str]:
         limit_note = f" Shown are the {SHOWN} smallest p." if comparison.tests > SHOWN else ""
         texts = [f"{comparison.sentence}{limit_note}", comparison.untested if comparison.tests else ""]
         sentences += [f"{readable(name)}: {text}" for text in texts if text]
-    return sentences + list(
-        dict.fromkeys(CAUTIONS[one.unit] for one in comparisons.values() if one.singles and one.tests)
-    )
+    # Each caution once, whatever the number of parameters.
+    cautions = [CAUTIONS[item.unit] for item in comparisons.values() if item.singles and item.tests]
+    return sentences + list(dict.fromkeys(cautions))
 
 
-def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:
+def _row(run: GroupRun, track: str, parameters: Iterable[str]) -> dict[str, Any]:
+    """Return the row of a run: its values, unless they are invalid, and the reasons of its verdict."""
     table = run.tracks.get(track)
     numbers = table["parameters"] if table is not None and table["verdict"] != "invalid" else {}
     verdict = next((candidate for candidate in run.verdict.tracks if candidate.track == track), None)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -10,44 +12,37 @@ from palpate_engine import RESULT
 from palpate_kit.figures import legend_outside, quartiles
 from palpate_kit.runs.result_file import open_table
 
+from palpate_report.figure_data import Curves
 from palpate_report.figure_subject import MAX_TRACKS, ReportFigure, Subject, pair
 
 _QUARTILE = 0.6745  # standard deviations, within which half of a normal distribution lies
+# Choices.
+_MIN_SAMPLES = 50  # of innovations that are drawn
+_MAX_DRAWN = 3  # tracks over time: more bands hide each other
+_BINS = 50  # over time
+_MIN_SHARES = (-0.2, 0.4)  # of the axis of autocorrelations, so that those of white noise look small
+
+
+@dataclass(frozen=True)
+class _Autocorrelation:
+    """The autocorrelation of the innovations of a track."""
+
+    lags: Floats  # (l,) [s]
+    shares: Floats  # (l,) of the variance
+    samples: float  # number of innovations that it is of
 
 
 def innovations(subject: Subject) -> ReportFigure | None:
     """Innovations over their standard deviations over time, and their autocorrelation."""
-    white = dict(_autocorrelations(subject))
-    names = [
-        name
-        for name in subject.tracks
-        if np.isfinite(subject.curves(name).innovation[subject.curves(name).settled]).sum() > 50
-    ]
+    autocorrelations = dict(_autocorrelations(subject))
+    names = [name for name in subject.tracks if _innovation_count(subject.curves(name)) > _MIN_SAMPLES]
     if not names:
         return None
-    figure, axes = pair(subject, 2 if white else 1)
-    data: dict[str, Floats] = {}
-    panel = axes[0]
-    for name in names[:3]:
-        curves = subject.curves(name)
-        x, (low, middle, high) = quartiles(curves.time[curves.settled], curves.innovation[curves.settled], 50)
-        (line,) = panel.plot(x, middle, label=name)
-        panel.fill_between(x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
-        data |= {f"{name}:time_s": x, f"{name}:innovation": middle, f"{name}:low": low, f"{name}:high": high}
-    for level in (-_QUARTILE, 0.0, _QUARTILE):
-        panel.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
-    panel.set(xlabel="time [s]", ylabel="innovation / its std")
-    for name, (lags, shares, _) in list(white.items())[:MAX_TRACKS]:
-        axes[1].plot(1e3 * lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
-        data |= {f"{name}:lag_s": lags, f"{name}:autocorrelation": shares}
-    if white:
-        bound = max(2 / np.sqrt(samples) for _, _, samples in white.values())
-        axes[1].axhspan(-bound, bound, color="0.85", linewidth=0)
-        axes[1].set(xlabel="lag [ms]", ylabel="autocorrelation")
-        axes[1].set_ylim(min(-0.2, *axes[1].get_ylim()), max(0.4, axes[1].get_ylim()[1]))
-        legend_outside(axes[1])
-    else:
-        legend_outside(panel)
+    figure, axes = pair(subject, 2 if autocorrelations else 1)
+    data = _draw_over_time(axes[0], [subject.curves(name) for name in names[:_MAX_DRAWN]])
+    if autocorrelations:
+        data |= _draw_autocorrelations(axes[1], autocorrelations)
+    legend_outside(axes[-1])
     caption = (
         "Innovations: median and middle half (dotted: of white noise of the expected size); their "
         "autocorrelation over the later half of the record (grey: where 95 % of that of white noise lies)"
@@ -55,8 +50,47 @@ def innovations(subject: Subject) -> ReportFigure | None:
     return ReportFigure(figure, caption, data)
 
 
-def _autocorrelations(subject: Subject) -> Iterator[tuple[str, tuple[Floats, Floats, float]]]:
-    """Of each track that has some: lags [s], shares, and how many samples they are of; raises LogError."""
+def _innovation_count(curves: Curves) -> int:
+    """Return how many innovations of a track count."""
+    return int(np.isfinite(curves.innovation[curves.settled]).sum())
+
+
+def _draw_over_time(panel: Any, tracks: Sequence[Curves]) -> dict[str, Floats]:
+    """Draw medians and quartiles of innovations over time, and return them by column [SI]."""
+    data: dict[str, Floats] = {}
+    for curves in tracks:
+        time, (low, median, high) = quartiles(
+            curves.time[curves.settled], curves.innovation[curves.settled], bins=_BINS
+        )
+        (line,) = panel.plot(time, median, label=curves.name)
+        panel.fill_between(time, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+        prefix = f"{curves.name}:"
+        data |= {f"{prefix}time_s": time, f"{prefix}innovation": median, f"{prefix}low": low, f"{prefix}high": high}
+    # Quartiles of white noise of the expected size.
+    for level in (-_QUARTILE, 0.0, _QUARTILE):
+        panel.axhline(level, color="black", linewidth=0.5, linestyle="-" if level == 0 else ":")
+    panel.set(xlabel="time [s]", ylabel="innovation / its std")
+    return data
+
+
+def _draw_autocorrelations(panel: Any, autocorrelations: Mapping[str, _Autocorrelation]) -> dict[str, Floats]:
+    """Draw autocorrelations over the lag, with the band of white noise, and return them by column [SI]."""
+    data: dict[str, Floats] = {}
+    for name, autocorrelation in list(autocorrelations.items())[:MAX_TRACKS]:
+        lags, shares = autocorrelation.lags, autocorrelation.shares
+        panel.plot(1e3 * lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
+        data |= {f"{name}:lag_s": lags, f"{name}:autocorrelation": shares}
+    # That of n samples of white noise has a standard deviation of 1/sqrt(n).
+    bound = max(2 / np.sqrt(autocorrelation.samples) for autocorrelation in autocorrelations.values())
+    panel.axhspan(-bound, bound, color="0.85", linewidth=0)
+    panel.set(xlabel="lag [ms]", ylabel="autocorrelation")
+    low, high = panel.get_ylim()
+    panel.set_ylim(min(_MIN_SHARES[0], low), max(_MIN_SHARES[1], high))
+    return data
+
+
+def _autocorrelations(subject: Subject) -> Iterator[tuple[str, _Autocorrelation]]:
+    """Yield the autocorrelation of each track that has one, with its name; raises LogError."""
     tracks = subject.record.document.get("tracks", {})
     for name in subject.tracks:
         table = tracks.get(name, {}).get("diagnoses", {}).get("innovations")
@@ -66,4 +100,4 @@ def _autocorrelations(subject: Subject) -> Iterator[tuple[str, tuple[Floats, Flo
             shares: Floats = np.array(table["autocorrelation"], np.float64)
             lags = float(table["interval"]) * np.arange(1.0, len(shares) + 1)
             samples = float(table["samples"])
-        yield name, (lags, shares, samples)
+        yield name, _Autocorrelation(lags, shares, samples)

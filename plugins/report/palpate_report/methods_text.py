@@ -10,7 +10,8 @@ from functools import partial
 from palpate import Indenter, PalpateError, printable, to_si
 from palpate_engine import Pipeline, display_unit, needs_fact, numbers_of
 from palpate_kit.curves.replication_unit import compare_rows
-from palpate_kit.numerics.group_comparison import GroupComparison
+from palpate_kit.numerics.group_comparison import GroupComparison, PairTest
+from palpate_kit.numerics.unit_group import UnitGroup
 from palpate_kit.terminal.phrase import Phrase, Quantity, curve_count, merged_phrases, phrase_text, quantity_text
 from palpate_kit.terminal.quantities import value_with_uncertainty
 
@@ -324,29 +325,36 @@ def _software(facts: FolderFacts) -> Iterator[str]:
 
 
 def _results(facts: FolderFacts, comparisons: Mapping[str, GroupComparison], by: str) -> Iterator[str]:
+    """Yield the sentences on the results: means of the groups, and their significant differences, by parameter."""
     first = next(iter(comparisons.values()))
     members = "single curves" if first.singles else f"the means of n units ({first.unit})"
     yield f"Values are means ± standard deviations of {members}, by {by}."
     for name, comparison in comparisons.items():
         symbol, factor = display_unit(facts.folder.units.get(name, "1"))
-        groups = [
-            f"{value_with_uncertainty(factor * group.mean, factor * group.std)} {symbol} in {printable(group.name)} "
-            f"(n = {group.units}{'' if comparison.singles else f', {group.curves} curves'})"
-            for group in comparison.groups
-        ]
+        groups = [_group_text(group, symbol, factor, comparison.singles) for group in comparison.groups]
         yield f"{readable(name).capitalize()} was {_joined(groups)}."
         if comparison.untested:
             yield f"There is {comparison.untested}."
         for pair in comparison.most_significant():
-            if math.isnan(pair.p):
-                continue
-            p = pair.corrected if comparison.tests > 1 else pair.p
-            low, high = (f"{factor * edge:.3g}" for edge in (pair.low, pair.high))
-            yield (
-                f"The difference {printable(pair.difference_is)} was {factor * pair.difference:.3g} {symbol} "
-                f"(95 % confidence interval {low} to {high} {symbol}; t({pair.freedom:.3g}) = {pair.t:.3g}, "
-                f"{'corrected ' if comparison.tests > 1 else ''}{_p(p)})."
-            )
+            if not math.isnan(pair.p):
+                yield _difference_text(pair, symbol, factor, is_corrected=comparison.tests > 1)
+
+
+def _group_text(group: UnitGroup, symbol: str, factor: float, is_of_singles: bool) -> str:
+    """Return mean and standard deviation of a group with its name and numbers; `factor` turns SI into the unit."""
+    spread = value_with_uncertainty(factor * group.mean, factor * group.std)
+    curves = "" if is_of_singles else f", {group.curves} curves"
+    return f"{spread} {symbol} in {printable(group.name)} (n = {group.units}{curves})"
+
+
+def _difference_text(pair: PairTest, symbol: str, factor: float, is_corrected: bool) -> str:
+    """Return the sentence on a difference: its interval, t and p, which is corrected for several tests."""
+    low, high = (f"{factor * bound:.3g}" for bound in (pair.low, pair.high))
+    p_text = f"corrected {_p(pair.corrected)}" if is_corrected else _p(pair.p)
+    return (
+        f"The difference {printable(pair.difference_is)} was {factor * pair.difference:.3g} {symbol} "
+        f"(95 % confidence interval {low} to {high} {symbol}; t({pair.freedom:.3g}) = {pair.t:.3g}, {p_text})."
+    )
 
 
 def _p(p: float) -> str:

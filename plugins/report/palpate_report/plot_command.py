@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,18 +48,20 @@ def plot(
     Each has a CSV of its numbers next to it.
     """
     endings, millimetres = _formats(format or ["pdf"]), _width(width)
+    pictures, tracks = what or [], track or []
     if is_fit_folder(run):
-        if what or len(track or ()) > 1:
+        if pictures or len(tracks) > 1:
             raise ConfigurationError(f"{run}: of a folder of fits its groups are drawn, of one track")
-        _draw_groups(run, by, parameter, unit, where, next(iter(track or ()), None), endings, millimetres, out)
+        _draw_groups(run, by, parameter, unit, where, next(iter(tracks), None), endings, millimetres, out)
         return
+    # Options for groups mean nothing for a run.
     for option, value in (("--by", by), ("--unit", unit), ("--where", where)):
         if value is not None:
             raise ConfigurationError(f"{option} {value}: {run} is not a folder of fits of many curves")
     record = RunContents.read(run)
     if record.unreadable is not None:
         raise LogError(record.unreadable)
-    _draw_run(run, record, what or [], track or [], endings, millimetres, out or record.path / "pictures")
+    _draw_run(run, record, pictures, tracks, endings, millimetres, out or record.path / "pictures")
 
 
 def _draw_run(
@@ -70,25 +74,25 @@ def _draw_run(
     from palpate_report.run_report import subject_of
     from palpate_report.run_verdict import judge
 
+    # Names of pictures and tracks that the run can have.
     for name in names:
         if name not in PICTURES:
             raise ConfigurationError(f"{name!r} is not a picture{suggest(name, PICTURES)}")
     for name in tracks:
         if name not in record.tracks:
             raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")
-    subject = subject_of(record, judge(record))
-    shown = list(tracks) or list(subject.tracks)
-    subject = Subject(record, shown[0] if shown else None, shown, width)
+    shown_tracks = list(tracks) or list(subject_of(record, judge(record)).tracks)
+    subject = Subject(record, next(iter(shown_tracks), None), shown_tracks, width)
+    # A picture without anything to show is left out, unless its name was given.
     drawn = 0
     for name in names or PICTURES:
         picture = draw(name, subject)
-        if picture is None:
-            if names:
-                reason = _MISSING.get(name, "no estimates")
-                raise ConfigurationError(f"{run}: has nothing to draw for {name!r}: {reason}")
-            continue
-        _write(picture.figure, picture.caption, _csv(picture.data), folder / name, endings)
-        drawn += 1
+        if picture is not None:
+            _write(picture.figure, picture.caption, _csv(picture.data), folder / name, endings)
+            drawn += 1
+        elif names:
+            reason = _MISSING.get(name, "no estimates")
+            raise ConfigurationError(f"{run}: has nothing to draw for {name!r}: {reason}")
     if not drawn:
         raise ConfigurationError(f"{run}: has nothing to draw: no estimate was made")
 
@@ -154,7 +158,6 @@ def _csv(data: Mapping[str, Floats]) -> str:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(data)
     columns = [values.tolist() for values in data.values()]
-    for row in range(max(len(column) for column in columns)):
-        cells = (column[row] if row < len(column) else float("nan") for column in columns)
-        writer.writerow("" if cell != cell else f"{cell:.9g}" for cell in cells)
+    for cells in zip_longest(*columns, fillvalue=math.nan):
+        writer.writerow("" if math.isnan(cell) else f"{cell:.9g}" for cell in cells)
     return file.getvalue()

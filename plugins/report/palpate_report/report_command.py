@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from palpate import ConfigurationError, suggest
+from palpate import ConfigurationError, OutputError, suggest
 from palpate_engine import RIG, write_whole
 from palpate_kit.curves.fit_folder import is_fit_folder
 from palpate_kit.runs.run_groups import groups_of
@@ -18,17 +22,10 @@ from palpate_report.run_contents import RunContents
 
 if TYPE_CHECKING:
     from palpate_report.folder_facts import FolderFacts
-import os
-import shutil
-import subprocess
-from tempfile import TemporaryDirectory
-
-from palpate import OutputError
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 _TIMEOUT = 120.0  # [s] of a browser that prints: a choice
-
-
+_MAX_ERROR_TEXT = 300  # characters of the end of its messages, in an error: a choice
 _PAGES = (".html", ".htm")
 
 
@@ -65,28 +62,30 @@ def report(
     """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
     if out is not None and out.suffix not in _PAGES:
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
-    if curves := next((run for run in runs or () if is_fit_folder(run)), None):
-        if len(runs or ()) > 1 or group:
-            raise ConfigurationError(f"{curves}: is a folder of fits of many curves, which is reported by itself")
-        if unit and not by:
-            raise ConfigurationError("--unit: is for groups, with --by COLUMN")
-        if methods or supplement is not None:
-            _refuse(
-                {"--out": out, "--pdf": pdf, "--anonymous": anonymous}, "the page, without --methods and --supplement"
-            )
-            from palpate_report.curves_report import folder_facts
-
-            _write_texts(folder_facts(curves, track, by, where), methods, supplement, by, unit)
-            return
-        from palpate_report.curves_report import curves_page
-
-        with progress(f"report of {curves}"):
-            _hand_over(curves_page(curves, track, anonymous, by, where, unit), out or curves / "report.html", pdf)
+    fit_folder = next((run for run in runs or () if is_fit_folder(run)), None)
+    if fit_folder is None:
+        options = {"--by": by, "--where": where, "--unit": unit, "--methods": methods, "--supplement": supplement}
+        _refuse(options, "a folder of fits of many curves")
+        text, path = _runs_page(groups_of(runs or [], group or []), track, anonymous)
+        _hand_over(text, out or path, pdf)
         return
-    options = {"--by": by, "--where": where, "--unit": unit, "--methods": methods, "--supplement": supplement}
-    _refuse(options, "a folder of fits of many curves")
-    text, path = _runs_page(groups_of(runs or [], group or []), track, anonymous)
-    _hand_over(text, out or path, pdf)
+    # A folder of fits: texts for a paper, or its page.
+    if len(runs or ()) > 1 or group:
+        raise ConfigurationError(f"{fit_folder}: is a folder of fits of many curves, which is reported by itself")
+    if unit and not by:
+        raise ConfigurationError("--unit: is for groups, with --by COLUMN")
+    if methods or supplement is not None:
+        page_options = {"--out": out, "--pdf": pdf, "--anonymous": anonymous}
+        _refuse(page_options, "the page, without --methods and --supplement")
+        from palpate_report.curves_report import folder_facts
+
+        _write_texts(folder_facts(fit_folder, track, by, where), methods, supplement, by, unit)
+        return
+    from palpate_report.curves_report import curves_page
+
+    with progress(f"report of {fit_folder}"):
+        text = curves_page(fit_folder, track, anonymous, by, where, unit)
+        _hand_over(text, out or fit_folder / "report.html", pdf)
 
 
 def _refuse(options: Mapping[str, object], purpose: str) -> None:
@@ -181,7 +180,7 @@ def print_pdf(page: Path, target: Path) -> None:
         except (OSError, subprocess.TimeoutExpired) as error:
             raise OutputError(f"{target}: {browser} cannot print: {error}") from error
         if not printed.is_file():
-            raise OutputError(f"{target}: {browser} printed nothing: {done.stderr.strip()[-300:]}")
+            raise OutputError(f"{target}: {browser} printed nothing: {done.stderr.strip()[-_MAX_ERROR_TEXT:]}")
         try:
             shutil.copyfile(printed, target)
         except OSError as error:

@@ -41,7 +41,7 @@ def origin_facts(run: Mapping[str, Any]) -> dict[str, str]:
 
 def true_values(document: Mapping[str, Any]) -> list[str]:
     """Return the true values of a simulated rig, in the units of the tracks."""
-    units = {}
+    units: dict[str, str] = {}
     for table in document.get("tracks", {}).values():
         units |= {name: value["unit"] for name, value in table["parameters"].items()}
     units["surface"] = "m"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -16,6 +17,7 @@ from palpate_report.innovations_figure import innovations
 from palpate_report.map_figure import draw_map
 
 _CLOSE_UP = 4.0  # [s] of a long record whose force over time is drawn: a choice
+_MAX_DRAWN = 3  # tracks of one panel: a choice, more bands hide each other
 _GREY = "0.6"
 
 
@@ -83,34 +85,42 @@ def over_time(subject: Subject) -> ReportFigure | None:
 
 def residuals(subject: Subject) -> ReportFigure | None:
     """Measured less model over time and over depth, by medians and quartiles."""
-    names = [
-        name
-        for name in subject.tracks
-        if np.isfinite(subject.curves(name).residual[subject.curves(name).settled]).any()
-    ]
-    if not names:
+    tracks = [subject.curves(name) for name in subject.tracks]
+    tracks = [curves for curves in tracks if np.isfinite(curves.residual[curves.settled]).any()][:_MAX_DRAWN]
+    if not tracks:
         return None
-    figure, axes = pair(subject, 2)
+    figure, (time_axis, depth_axis) = pair(subject, 2)
     data: dict[str, Floats] = {}
-    for name in names[:3]:
-        curves = subject.curves(name)
-        rows = curves.settled
-        for axis, across, scale, key in (
-            (axes[0], curves.time, 1.0, "time_s"),
-            (axes[1], curves.depth, 1e3, "depth_m"),
-        ):
-            x, (low, middle, high) = quartiles(across[rows], curves.residual[rows], 40 if scale == 1 else 20)
-            (line,) = axis.plot(scale * x, middle, label=name)
-            axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
-            data |= {f"{name}:{key}": x, f"{name}:residual_{key[0]}_N": middle, f"{name}:low_{key[0]}_N": low}
-            data[f"{name}:high_{key[0]}_N"] = high
-    for axis, label in zip(axes, ("time [s]", "depth [mm]"), strict=True):
+    for curves in tracks:
+        data |= _draw_quartiles(time_axis, curves, curves.time, 1.0, "time_s", bins=40)
+        data |= _draw_quartiles(depth_axis, curves, curves.depth, 1e3, "depth_m", bins=20)
+    for axis, label in ((time_axis, "time [s]"), (depth_axis, "depth [mm]")):
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
         axis.set(xlabel=label)
         label_forces(axis, "measured less model")
-    legend_outside(axes[0])
+    legend_outside(time_axis)
     caption = "Residual of the force: medians, and the band that contains the middle half"
     return ReportFigure(figure, caption, data)
+
+
+def _draw_quartiles(
+    axis: Any, curves: Curves, abscissa: Floats, scale: float, column: str, bins: int
+) -> dict[str, Floats]:
+    """Draw medians and quartiles of a track's residual over an abscissa (n,) [SI], and return them by column [SI].
+
+    `scale` is how many of the axis' unit one of SI is; the columns are called after that of the abscissa.
+    """
+    rows = curves.settled
+    x, (low, median, high) = quartiles(abscissa[rows], curves.residual[rows], bins)
+    (line,) = axis.plot(scale * x, median, label=curves.name)
+    axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+    prefix, suffix = f"{curves.name}:", f"_{column[0]}_N"
+    return {
+        f"{prefix}{column}": x,
+        f"{prefix}residual{suffix}": median,
+        f"{prefix}low{suffix}": low,
+        f"{prefix}high{suffix}": high,
+    }
 
 
 def _around(values: Floats) -> tuple[float, float]:
