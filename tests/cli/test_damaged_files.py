@@ -81,6 +81,7 @@ MADE = {  # name of a file: what writes it, and a command that reads it
 }
 FOLDER = {  # files of a folder of fits, and a command that reads them
     "fits.csv": ("repeat", "out", "--json"),
+    "conditions.csv": ("repeat", "out", "--json"),
     "curves.csv": ("repeat", "out", "--json"),
     "review.json": ("repeat", "out", "--json"),
     "own.toml": ("fit", "out", "--set", "alignment.tip_mass=1 g", "--no-refit"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import palpate as python
 import pytest
+from palpate_kit.curves.curve_table import latest_rows
 
 from tests.logs import table_kinds as kinds
 
@@ -49,7 +50,7 @@ def test_a_folder_in_two_dialects_is_one_table_and_what_was_done_stands_beside_i
     assert max(len(line) for line in lines if " ± " in line) <= 79
     assert re.fullmatch(r"4 files\. E: .*; 1 not read", lines[-2])
     assert {path.name for path in (files / "out").iterdir()} == {
-        "fits.csv", "curves.csv", "pipeline.toml", "provenance.json",
+        "fits.csv", "conditions.csv", "curves.csv", "pipeline.toml", "provenance.json",
     }  # fmt: skip
     with (files / "out" / "fits.csv").open(newline="") as file:
         *rows, unread = sorted(csv.DictReader(file), key=lambda row: not row["track"])
@@ -134,8 +135,7 @@ def test_what_cannot_be_read_says_why(files, palpate, name, words):
 
 
 def rows_of(folder):
-    with (folder / "fits.csv").open(newline="") as file:
-        return {row["curve"].rpartition("/")[2].partition(".")[0]: row for row in csv.DictReader(file)}
+    return {row["curve"].rpartition("/")[2].partition(".")[0]: row for row in latest_rows(folder / "fits.csv")}
 
 
 @pytest.mark.slow

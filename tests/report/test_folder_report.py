@@ -8,6 +8,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from palpate_kit.curves.curve_table import latest_rows
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_report.bibliography import bibtex_of, keys_of, references
 from palpate_report.cited_text import CitedText, cite
@@ -43,7 +44,7 @@ def shared_part(row, name):
 
 def numbers_of_files(fits):
     """Every number that a methods section may have, from the files alone."""
-    rows, curves = table(fits / "fits.csv"), {row["curve"]: row for row in table(fits / "curves.csv")}
+    rows, curves = latest_rows(fits / "fits.csv"), {row["curve"]: row for row in table(fits / "curves.csv")}
     rejected = json.loads((fits / "review.json").read_text())["rejected"]
     used = [row for row in rows if row["curve"] not in rejected and row["verdict"] != "invalid"]
     pipeline = tomllib.loads((fits / "pipeline.toml").read_text())

@@ -55,8 +55,8 @@ def altered(study, change):
 def test_an_archive_has_all_of_a_study_and_nothing_of_the_machine(study):
     contents = members(study / "study.zip")
     assert {f"curves/{name}" for name in FEW} <= set(contents)
-    assert {f"fits/{name}" for name in ("fits.csv", "curves.csv", "pipeline.toml", "review.json", "provenance.json",
-            "rig.toml", "report.html", "methods.txt", "methods.tex", "methods.bib", "supplement.csv",
+    assert {f"fits/{name}" for name in ("fits.csv", "conditions.csv", "curves.csv", "pipeline.toml", "review.json",
+            "provenance.json", "rig.toml", "report.html", "methods.txt", "methods.tex", "methods.bib", "supplement.csv",
             "supplement.tex", "pictures/elasticity-groups.svg")} <= set(contents)  # fmt: skip
     for name, content in contents.items():
         text = content.decode()

@@ -20,6 +20,7 @@ from palpate_engine import (
 )
 from palpate_records.log_files import readable, regular
 
+from palpate_kit.curves.condition_codes import ConditionCodes
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, value_units
 from palpate_kit.curves.fit_provenance import add_provenance
@@ -28,6 +29,7 @@ from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.motion_text import MOTION_COLUMNS
 
 TABLE = "fits.csv"
+_CONDITIONS = "conditions"  # the column whose sentences are in a file of their own
 _FIRST_COLUMNS = ("curve", "track")
 _NUMBER_SUFFIXES = ("", "_std", "_combined")  # of the columns of a value
 _TEXT_COLUMNS = ("curve", "track", "better_laws", "findings", "conditions", "needs", "flags", "settings", "error")
@@ -49,6 +51,7 @@ class FitTable:
         self._has_provenance = False  # True once the command and the versions that add rows are noted
         self.path = folder / TABLE
         self._write_settings(folder, pipeline, device, dialect)
+        self._condition_codes = ConditionCodes(folder)
         self.settings = settings_text(folder / SETTINGS, dialect)
         self.done = self._read_complete_curves() if self.path.exists() else dict[str, str]()
         if not self.path.exists():
@@ -111,7 +114,7 @@ class FitTable:
 
     def _csv_text(self, rows: Iterable[Mapping[str, str]]) -> str:
         text = io.StringIO()
-        csv.DictWriter(text, self.columns, lineterminator="\n").writerows(rows)
+        csv.DictWriter(text, self.columns, lineterminator="\n").writerows(_coded_rows(rows, self._condition_codes))
         return text.getvalue()
 
     def add(self, rows: Sequence[Row]) -> None:
@@ -120,9 +123,10 @@ class FitTable:
             add_provenance(self.path.parent)
             self._has_provenance = True
         lines = [{key: " ".join(value.split()) for key, value in row.items()} for row in rows]
+        text = self._csv_text(lines)  # new sentences are in their file before the rows that name them
         with file_in_place(self.path) as file:
             file.seek(0, io.SEEK_END)
-            file.write(self._csv_text(lines).encode())
+            file.write(text.encode())
 
     def compact(self, names: Sequence[str] = ()) -> None:
         """Rewrite the table without outdated rows, in the order of the names; a table that is so already stays."""
@@ -162,8 +166,15 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, s
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="", extrasaction="ignore")
     table.writeheader()
-    table.writerows(rows)
+    table.writerows(_coded_rows(rows, ConditionCodes(path.parent)))
     write_whole(path, text.getvalue())
+
+
+def _coded_rows(rows: Iterable[Mapping[str, str]], condition_codes: ConditionCodes) -> list[Mapping[str, str]]:
+    """Return rows with codes in place of the sentences of their conditions, which are then in their own file."""
+    row_list = [*rows]
+    codes = condition_codes.codes(row.get(_CONDITIONS, "") for row in row_list)
+    return [{**row, _CONDITIONS: cell} for row, cell in zip(row_list, codes, strict=True)]
 
 
 def columns_of_fits(pipeline: Pipeline) -> tuple[str, ...]:
@@ -231,10 +242,13 @@ def fitted_rows(path: Path) -> list[Row]:
 def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
     """Yield every row of a table of fits with the position [bytes] of its end; without a torn last line.
 
+    Conditions are in words, in place of the codes that the table has.
+
     Raises LogError with line and column for a row that lacks cells, and for a cell that is not a number or a verdict
     where its column holds these.
     """
     head, begin = _read_head(path)
+    condition_codes = ConditionCodes(path.parent)
     with _open_table(path) as file:
         file.seek(begin)
         for number, line in enumerate(iter(file.readline, b""), start=2):
@@ -248,6 +262,8 @@ def rows_of_fits(path: Path) -> Iterator[tuple[int, Row]]:
             for name, cell in row.items():
                 if expected := _unmet_type(name, cell):
                     raise LogError(f"{path}:{number}: column {name} holds {cell[:40]!r}, expected a {expected}")
+            if row.get(_CONDITIONS):
+                row[_CONDITIONS] = condition_codes.words(row[_CONDITIONS])
             yield file.tell(), row
 
 
