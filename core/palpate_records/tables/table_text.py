@@ -111,6 +111,8 @@ def _separate_stamps(file: IO[str]) -> IO[str]:
     """Return a text with a separator behind the stamps of a serial monitor: that which most of its lines have."""
     head = file.read(_HEAD_CHARACTERS)
     file.seek(0)
+    if "->" not in head and "]" not in head:  # one of which ends each stamp: the search below takes longer
+        return file
     lines = [head[match.end() :].partition("\n")[0] for match in _STAMP_OF_MONITOR.finditer(head)]
     if not lines or 2 * len(lines) < head.count("\n"):
         return file

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.curve_fits import CurveReader, Row, fit_curves, loss_rows
-from palpate_kit.curves.curve_pool import KILLED
+from palpate_kit.jobs.portions import KILLED
 from palpate_kit.jobs.process_pool import core_count, process_pool
 
 from palpate_desk.curve_answers import prepare_process

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import typer
@@ -24,6 +25,7 @@ from palpate_kit.curves.fit_folder import FitFolder
 from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.shared_specimen import SetupPair, setup_pairs
 from palpate_kit.curves.stated_facts import StatedFacts, keep_facts
+from palpate_kit.jobs.portions import in_portions
 from palpate_kit.terminal.fact_line import columns_line, fact_line
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.layout import print_line
@@ -32,10 +34,18 @@ from palpate_kit.terminal.prediction_text import BLOCK, HALF, prediction_text
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.result_screen import filled, title_line
 from palpate_kit.terminal.table import console
-from palpate_records.recording import Suggestion
 
 from palpate_fits.fact_report import list_advice, report_listed, report_rig
-from palpate_fits.file_pipelines import DEVICE, FileGroup, FileGroups, file_groups, reader_keys, with_overrides
+from palpate_fits.file_pipelines import (
+    DEVICE,
+    FileGroup,
+    FileGroups,
+    FileReading,
+    file_groups,
+    reader_keys,
+    with_overrides,
+    worker_count,
+)
 from palpate_fits.file_questions import FileQuestion
 from palpate_fits.file_tables import is_usable, law_line, partition_line, show_rows
 from palpate_fits.fit_request import FitRequest
@@ -78,7 +88,7 @@ class FittedFiles:
 def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     with progress("look for files"):
-        files = _source_files(asked.sources, stated, asked.curve)
+        files = _source_files(asked.sources, stated, asked.curve, asked.jobs)
     facts = file_facts(asked.sources, [part.curve for part in files.parts], stated)
     named = groups_of(files.parts, asked.sources, asked.by, facts.cells)
     groups, facts = _groups(files.parts, facts, asked)
@@ -109,12 +119,13 @@ def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
         raise typer.Exit(1)
 
 
-def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | None) -> SourceFiles:
+def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | None, jobs: int | None) -> SourceFiles:
     """Return the records among the sources, or the one that is named; raises ConfigurationError without any."""
     part_registry = registry.load()
-    choices = reader_keys(stated.settings)
     logs = logs_among(sources, part_registry)
-    parts = [part for log in logs for part in specimens_of(log, part_registry, choices)]
+    work = partial(_records_of_logs, reader_keys(stated.settings))
+    records = in_portions(work, logs, worker_count(len(logs), jobs), _whole_log)
+    parts = [part for parts_of_log in records for part in parts_of_log]
     if curve is not None:
         names = [part.part for part in parts if part.part is not None]
         parts = [part for part in parts if part.part == curve]
@@ -125,14 +136,24 @@ def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | Non
     return SourceFiles(parts, sources[0].resolve() if is_folder else None)
 
 
+def _records_of_logs(choices: Mapping[str, str], logs: Sequence[Path]) -> list[list[LogPart]]:
+    """Return the records of each of some logs."""
+    return [specimens_of(log, registry.load(), choices) for log in logs]
+
+
+def _whole_log(log: Path) -> list[LogPart]:
+    """Return a log that has killed its process as one record."""
+    return [LogPart(log)]
+
+
 def _groups(files: Sequence[LogPart], facts: FileFacts, asked: FitRequest) -> tuple[FileGroups, FileFacts]:
     """Return the files by how they are read; on a terminal with what was answered to all questions about them."""
     asking = is_asking() and not asked.as_json
     answered: set[FileQuestion] = set()
-    certain: dict[LogPart, Suggestion] = {}
+    certain: dict[LogPart, FileReading] = {}
     while True:
         with progress("look at", "files", len(files)):
-            groups = file_groups(files, facts, asked.choices, certain)
+            groups = file_groups(files, facts, asked.choices, certain, asked.jobs)
         new = {file: question for file, question in groups.questions.items() if question not in answered}
         if not asking or not new:
             break

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, to_si
-from palpate_engine import Pipeline, Registry, Source, build_pipeline, registry, tip_table
+from palpate import ConfigurationError, UserError, to_si
+from palpate_engine import Pipeline, Registry, RigFacts, Source, build_pipeline, registry, tip_table
 from palpate_kit.curves.alike_logs import AlikeLogs, LogPart, alike_logs
 from palpate_kit.curves.curve import Curve
 from palpate_kit.curves.file_facts import FileFacts
 from palpate_kit.curves.stated_facts import StatedFacts, suggestion_by_facts
+from palpate_kit.jobs.portions import KILLED, in_portions
+from palpate_kit.jobs.process_pool import core_count
 from palpate_kit.logs.draft_pipeline import rate_note
 from palpate_kit.terminal.progress import report_progress
 from palpate_records.recording import Suggestion
@@ -28,6 +30,7 @@ _OF_TIP = re.compile(r"\b(tip|probe|indenter|ball|sphere|kugel)", re.IGNORECASE)
 _ACROSS = re.compile(r"diameter|durchmesser", re.IGNORECASE)
 _ALIKE = 0.02  # of a radius (choice), by which a tip may differ from the one that a file states
 _PER_DIAMETER = 0.5  # radii
+_MANY = 500  # files, below which processes take longer to start than they save: a choice
 _TIMED = ("force", "position", "velocity")
 
 
@@ -69,52 +72,127 @@ class FileGroups:
         raise ConfigurationError(f"{name}: {error}{remainder}")
 
 
+@dataclass(frozen=True)
+class _FileLook:
+    """A file that is to be looked at, with what is stated of it, as plain data for any process."""
+
+    file: LogPart
+    facts: RigFacts
+    choices: Mapping[str, str]  # of the reader
+    stated: Mapping[str, str]  # by ``--set``
+
+
+@dataclass(frozen=True)
+class FileReading:
+    """The way in which a file is read, with the question that a person must answer, or why it cannot be read."""
+
+    suggestion: Suggestion | None  # without numbers
+    question: FileQuestion | None = None
+    error: str = ""
+
+    @property
+    def is_certain(self) -> bool:
+        """True if no answer would change it."""
+        return self.suggestion is not None and self.question is None
+
+
 @dataclass
 class _Suggestions:
-    """Suggestions for the reading of each file, by its contents and the facts that are stated of it."""
+    """Suggestions for the reading of each file, with the questions that are open."""
 
-    facts: FileFacts
-    choices: Mapping[str, str]
-    certain: dict[LogPart, Suggestion]  # of files without questions, kept from call to call
-    known: Registry
+    readings: Mapping[LogPart, FileReading]
     by_file: dict[LogPart, Suggestion] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     questions: dict[str, FileQuestion] = field(default_factory=dict)
 
     def of(self, file: LogPart) -> Suggestion:
-        """Return how a file is read; raises UserError where only a person can say."""
-        settings = self.facts.stated.settings
-        suggestion = self.certain.get(file)
-        if suggestion is None:
-            chosen = {**reader_keys(settings), **file.choices, **self.choices}
-            of_file = self.facts.of(str(file)).facts
-            suggestion = suggestion_by_facts(file.path, of_file, chosen, self.known)
-        question = question_of_file(suggestion, _stated(settings))
-        suggestion = replace(suggestion, views={})  # no numbers
-        if question is None:
-            self.certain[file] = suggestion
-        else:
-            self.questions[str(file)] = question
-            if question.needed:
-                raise ConfigurationError(question.advice)
-        self.by_file[file] = suggestion
-        report_progress(len(self.by_file) + len(self.refused))
-        return suggestion
+        """Return how a file is read; raises ConfigurationError where only a person can say."""
+        reading = self.readings[file]
+        if reading.suggestion is None:
+            raise ConfigurationError(reading.error)
+        if reading.question is not None:
+            self.questions[str(file)] = reading.question
+            if reading.question.needed:
+                raise ConfigurationError(reading.question.advice)
+        self.by_file[file] = reading.suggestion
+        return reading.suggestion
+
+
+def _readings(
+    files: Sequence[LogPart],
+    facts: FileFacts,
+    choices: Mapping[str, str],
+    certain: dict[LogPart, FileReading],
+    jobs: int | None,
+) -> dict[LogPart, FileReading]:
+    """Return how each file is read, by its contents and what is stated of it; many are looked at by several processes.
+
+    What is `certain` already is not looked at again, and what turns out to be is added to it.
+    """
+    settings = facts.stated.settings
+    stated, stated_keys = _stated(settings), reader_keys(settings)
+    readings, looks = dict(certain), list[_FileLook]()
+    for file in files:
+        if file in certain:
+            continue
+        try:
+            of_file = facts.of(str(file)).facts
+        except UserError as error:  # a cell of the list of curves that does not state its fact
+            readings[file] = FileReading(None, error=str(error))
+            continue
+        looks.append(_FileLook(file, of_file, {**stated_keys, **file.choices, **choices}, stated))
+    found = in_portions(_look_at_files, looks, worker_count(len(looks), jobs), _lost_reading)
+    for look, reading in zip(looks, found, strict=True):
+        readings[look.file] = reading
+        if reading.is_certain:
+            certain[look.file] = reading
+        report_progress(len(readings))
+    return readings
+
+
+def worker_count(files: int, jobs: int | None) -> int:
+    """Return how many processes look at so many files: one per core, or as many `jobs` as are asked for."""
+    return (jobs or core_count()) if files >= _MANY else 1
+
+
+def _look_at_files(looks: Sequence[_FileLook]) -> list[FileReading]:
+    """Return how each of some files is read."""
+    return [_look_at(look) for look in looks]
+
+
+def _look_at(look: _FileLook) -> FileReading:
+    """Return how a file is read."""
+    try:
+        suggestion = suggestion_by_facts(look.file.path, look.facts, look.choices, registry.load())
+    except UserError as error:
+        return FileReading(None, error=str(error))
+    question = question_of_file(suggestion, look.stated)
+    return FileReading(replace(suggestion, views={}), question)
+
+
+def _lost_reading(look: _FileLook) -> FileReading:
+    """Return why a file that has killed its process cannot be read."""
+    return FileReading(None, error=KILLED)
 
 
 def file_groups(
-    files: Iterable[LogPart], facts: FileFacts, choices: Mapping[str, str], certain: dict[LogPart, Suggestion]
+    files: Sequence[LogPart],
+    facts: FileFacts,
+    choices: Mapping[str, str],
+    certain: dict[LogPart, FileReading],
+    jobs: int | None = None,
 ) -> FileGroups:
     """Return files by how they are read.
 
     `choices` name the columns of roles, as of ``palpate info --suggest``; `certain` takes how files without questions
-    are read. Raises ConfigurationError for a tip, a model or an override that is invalid.
+    are read; `jobs` is the number of processes, by default one per core. Raises ConfigurationError for a tip, a model
+    or an override that is invalid.
     """
     part_registry = registry.load()
     stated = facts.stated
     tip = tip_table(stated.facts.tip or "", part_registry, "--tip")
     parts = _parts(tip, part_registry.named("model", stated.facts.model or "dr"), part_registry)
-    suggestions = _Suggestions(facts, choices, certain, part_registry)
+    suggestions = _Suggestions(_readings(files, facts, choices, certain, jobs))
     alike = alike_logs(files, suggestions.of, suggestions.refused)
     notes = _no_records([log for group in alike for log in group.logs], suggestions.refused)
     if note := rate_note(choices, suggestions.by_file.values()):
