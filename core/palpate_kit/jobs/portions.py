@@ -32,8 +32,8 @@ def in_portions(
     """
     remaining = iter(items)
     if workers <= 1:
-        while portion := list(islice(remaining, _PORTION_ITEMS)):
-            yield from work(portion)
+        for item in remaining:
+            yield from work([item])
         return
     pending: deque[tuple[list[Item], Future[list[Answer]]]] = deque()
     with ExitStack() as stack:
