@@ -26,10 +26,10 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_spectra.complex_moduli import answer
+from palpate_spectra.complex_moduli import measure_moduli
 from palpate_spectra.recorded_oscillation import RecordedOscillation
 from palpate_spectra.transient.recorded_press import longest_press
-from palpate_spectra.transient.relaxation_modulus import curve
+from palpate_spectra.transient.relaxation_modulus import modulus_curve
 from palpate_spectra.transient.spectrum_of_times import flags_of
 from scipy.stats import binom
 
@@ -80,7 +80,7 @@ def by_relaxation(model, theta, records):
     law, began = model.spectrum(theta), time.process_time()
     inside, flagged = np.zeros(3, int), 0
     for seed in range(records):
-        found = curve(longest_press(rig.press(model, theta, seed=seed), "run"))
+        found = modulus_curve(longest_press(rig.press(model, theta, seed=seed), "run"))
         at = [int(np.argmin(np.abs(np.log(found.time / t)))) for t in (0.3, 1.0, 4.0)]
         truth = (law.lasting or 0.0) + sum(e * np.exp(-rate * found.time[at]) for e, rate in law.arms)
         inside += np.abs(found.value[at] - truth) < 1.96 * found.std[at]
@@ -104,7 +104,7 @@ def by_spectrum(model, theta, records):
         record = RecordedOscillation(
             "run", "t", model, t[late], noisy, height, 0.0, 0.0, timing=0.0, uncertainties=known
         )
-        return answer(record, list(lines)).lines
+        return measure_moduli(record, list(lines)).lines
 
     truth, began = [line.shear for line in lines_of(None)], time.process_time()
     inside = np.zeros((len(lines), 2), int)

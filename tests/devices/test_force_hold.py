@@ -158,7 +158,7 @@ def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     """The force stays while the tip sinks; the fit and J(t) find the material."""
     from palpate_spectra.recorded_oscillation import replay
     from palpate_spectra.transient.recorded_press import longest_press
-    from palpate_spectra.transient.relaxation_modulus import curve
+    from palpate_spectra.transient.relaxation_modulus import modulus_curve
 
     result = run_pipeline(creeping(), tmp_path / "run")
     assert result.tracks["sls/fit"].parameters["relaxation_time"].value == pytest.approx(1.0, rel=0.1)
@@ -167,7 +167,7 @@ def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     late = (samples.time > 4.0) & (samples.time < 8.4)
     assert samples.force[late].mean() == pytest.approx(3.0, abs=0.06)
     assert np.ptp(samples.position[late]) > 1e-4
-    found = curve(longest_press(recorded, "run"))
+    found = modulus_curve(longest_press(recorded, "run"))
     assert found.creeps
     instant, rest = 1 / 140e3, 1 / 80e3
     true = rest - (rest - instant) * np.exp(-found.time / (140 / 80))

@@ -85,9 +85,9 @@ type = "casadi-fit"
 def test_a_thick_specimen_is_the_same_said_or_not(tmp_path):
     import numpy as np
     from palpate_models import DimensionalityReduction, Poroelastic, Sphere
-    from palpate_spectra.complex_moduli import area
+    from palpate_spectra.reduced_area import reduced_area
 
     tip, depth = Sphere(radius="5 mm"), np.linspace(0.0, 3e-3, 7)
     said = DimensionalityReduction(indenter=tip, thickness="half-space")
-    np.testing.assert_array_equal(area(said, depth), area(DimensionalityReduction(indenter=tip), depth))
+    np.testing.assert_array_equal(reduced_area(said, depth), reduced_area(DimensionalityReduction(indenter=tip), depth))
     assert Poroelastic(indenter=tip, thickness="half-space").thickness == "half-space"

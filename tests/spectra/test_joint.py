@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_spectra.complex_moduli import answer
+from palpate_spectra.complex_moduli import measure_moduli
 from palpate_spectra.consistency import kramers_kronig
-from palpate_spectra.flags import sentence
+from palpate_spectra.flags import evidence_sentence
 from palpate_spectra.joint_covariance import shared_covariance
 from palpate_spectra.law_fits import LAWS, fit_law, law_fits
 
@@ -22,7 +22,7 @@ def lines_of(values, sines, viscosity=362.0, **known):
     found = []
     for seed, elasticity in enumerate(values):
         one = rig.recorded(SOFT, (elasticity, viscosity), sines, seed=seed, name=f"run{seed}", timing=3e-4, **known)
-        found += answer(replace(one, uncertainties={}), list(sines)).lines
+        found += measure_moduli(replace(one, uncertainties={}), list(sines)).lines
     return found
 
 
@@ -36,12 +36,12 @@ def test_a_joint_value_lies_within_its_recordings(values, sines):
     assert min(values) < solid.values[0] < max(values)
     assert solid.values[0] == pytest.approx(np.mean(values), rel=0.02)
     scatter = np.std(values, ddof=1) / np.sqrt(len(values))
-    common = lines[0].std(of="storage") * 3 * solid.values[0] / lines[0].young.real
+    common = lines[0].std_of("storage") * 3 * solid.values[0] / lines[0].young.real
     assert solid.stds[0] > np.hypot(scatter, 0.9 * common)  # few recordings tell their scatter: Student's factor
     assert solid.stds[0] < 3 * np.hypot(scatter, common)
     assert solid.scatter.storage == pytest.approx(np.std(values, ddof=1) / np.mean(values), rel=0.15)
     assert not kramers_kronig(lines).failed
-    assert f"the {len(values)} recordings scatter by" in sentence(law_fits(lines), lines)
+    assert f"the {len(values)} recordings scatter by" in evidence_sentence(law_fits(lines), lines)
 
 
 @pytest.mark.slow
@@ -59,7 +59,7 @@ def test_tips_of_their_own_have_radii_of_their_own():
     lines = lines_of((112.5e3, 112.5e3), ONE)
     shear = np.array([line.shear for line in lines])
     of_one = shared_covariance(lines, shear, without=["poisson", "surface", "mass", "timing"])
-    apart = [replace(line, apart={**line.apart, "radius": f"{k}"}) for k, line in enumerate(lines)]
+    apart = [replace(line, error_groups={**line.error_groups, "radius": f"{k}"}) for k, line in enumerate(lines)]
     of_two = shared_covariance(apart, shear, without=["poisson", "surface", "mass", "timing"])
     assert of_one[0, 1] == pytest.approx(0.0025**2 * shear[0].real * shear[1].real, rel=1e-2)
     assert of_two[0, 1] == 0.0

@@ -23,7 +23,7 @@ from palpate_spectra.recorded_oscillation import replay
 from palpate_spectra.transient.conversion import relaxation_of_creep
 from palpate_spectra.transient.hereditary_integrals import fading_integrals
 from palpate_spectra.transient.recorded_press import longest_press
-from palpate_spectra.transient.relaxation_modulus import curve
+from palpate_spectra.transient.relaxation_modulus import modulus_curve
 from palpate_spectra.transient.spectrum_of_times import decades, density, flags_of, p_value
 from scipy.stats import chi2
 
@@ -38,7 +38,7 @@ TWO = (100e3, 40e3, 0.3, 30e3, 4.0)
 
 def found(model, theta, **known):
     """The curve of a simulated press."""
-    return curve(longest_press(rig.press(model, theta, **known), "run"))
+    return modulus_curve(longest_press(rig.press(model, theta, **known), "run"))
 
 
 def two_times(t):
@@ -80,7 +80,7 @@ def test_the_modulus_of_every_law_comes_back(model, theta, modulus):
 def test_a_slow_ramp_is_taken_off():
     """A ramp of 1.5 s: a step from its end would be up to 10 % off, the curve is not."""
     one = found(GeneralisedMaxwell2(indenter=TIP), TWO, speed=2e-3)
-    seen = one.pressed.force[one.pressed.holds[0].begin] / (2 / 0.75 * one.solved.columns[-1, 0])
+    seen = one.press.force[one.press.holds[0].begin] / (2 / 0.75 * one.fit.columns[-1, 0])
     assert abs(seen / two_times(1e-3) - 1) > 0.15
     assert one.value == pytest.approx(two_times(one.time), rel=5e-3)
 
@@ -96,7 +96,7 @@ def test_noise_is_what_it_says_and_a_drift_is_taken_off():
         z.append(error[[1, 4, -1]])
     assert np.sum(np.square(z), axis=0).max() < chi2.ppf(0.9995, 12)
     assert np.mean(np.square(z)) > 0.15  # nor are they far too wide
-    assert one.pressed.drift == pytest.approx(0.1, rel=0.5)
+    assert one.press.drift == pytest.approx(0.1, rel=0.5)
 
 
 @pytest.mark.slow
@@ -123,8 +123,8 @@ def test_a_material_that_relaxes_by_the_depth_is_flagged():
         (GeneralisedMaxwell2(indenter=TIP), TWO),
     ):
         force = force_over_time(model, time, d, np.gradient(d, time), theta, pulls=False)
-        one = curve(longest_press(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
-        assert len(one.pressed.holds) == 2
+        one = modulus_curve(longest_press(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
+        assert len(one.press.holds) == 2
         told[type(model).__name__] = p_value(one), {flag.code for flag in flags_of(one)}
         doubts = [flag for flag in flags_of(one) if flag.code in ("not-linear-viscoelastic", "surface-mismatch")]
         assert all("--surface" in flag.message for flag in doubts)
@@ -199,7 +199,7 @@ def test_a_short_creep_is_one_linear_material(tmp_path, seed):
     """Half a second held, and half as much noise as force in the beginning: J(t), and no flag."""
     text = pipeline(solid("80 kPa", "60 kPa", "1 s"), LED, 'type = "kinematic-ekf"', seed=seed, alignment=TARE)
     (tmp_path / "creep.toml").write_text(text)
-    one = curve(longest_press(replay(tmp_path / "creep.toml", None), "run"))
+    one = modulus_curve(longest_press(replay(tmp_path / "creep.toml", None), "run"))
     assert one.creeps
     assert {flag.code for flag in flags_of(one)} <= {"thickness-undeclared"}
     assert abs(one.rig.surface) < 2.5 * one.surface_std < 2e-4

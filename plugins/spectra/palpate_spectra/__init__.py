@@ -7,7 +7,7 @@ from palpate import Command, FlagMeaning, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Their commands."""
+    """Return the commands of spectra."""
     return {
         "fit spectrum": Command(
             "palpate_spectra.spectrum_command:spectrum", "Storage and loss modulus over frequency.", "run"
@@ -22,7 +22,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What their flags mean."""
+    """Return the flags of spectra with their meanings."""
     return {
         "harmonics": FlagMeaning(
             "doubtful",

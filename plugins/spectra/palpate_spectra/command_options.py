@@ -12,17 +12,17 @@ SurfaceOption = Annotated[
 ]
 
 
-def quantities(text: str | None, unit: str, option: str) -> list[float]:
-    """Quantities [SI] with commas between; raises ConfigurationError."""
+def parse_quantities(text: str | None, unit: str, option: str) -> list[float]:
+    """Return the quantities [SI] in a text such as "0.5 Hz, 2 Hz", for an option; raises ConfigurationError."""
     try:
         return [to_si(part.strip(), unit) for part in text.split(",")] if text is not None else []
     except ValueError as error:
         raise ConfigurationError(f"{option}: {error}") from error
 
 
-def height_of(surface: str | None) -> float | None:
-    """Return the height [m] that `--surface` gives; raises ConfigurationError."""
-    found = quantities(surface, "m", "--surface")
-    if len(found) > 1:
-        raise ConfigurationError(f"--surface: one height, not {len(found)}")
-    return found[0] if found else None
+def parse_height(surface: str | None) -> float | None:
+    """Return the height [m] that `--surface` states, None without one; raises ConfigurationError."""
+    heights = parse_quantities(surface, "m", "--surface")
+    if len(heights) > 1:
+        raise ConfigurationError(f"--surface: one height, not {len(heights)}")
+    return heights[0] if heights else None

@@ -1,4 +1,4 @@
-"""What a spectrum must obey whatever the material: Kramers and Kronig's relations, and the tip's own harmonics."""
+"""Tests of a spectrum that hold for any linear material: Kramers and Kronig's relations, and the tip's harmonics."""
 
 from __future__ import annotations
 
@@ -11,128 +11,172 @@ import numpy as np
 from palpate import Floats
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
-from palpate_spectra.joint_covariance import Attempt, fit_jointly, stack_moduli
+from palpate_spectra.joint_covariance import WeightedFit, fit_jointly, stack_moduli
+from palpate_spectra.spectral_lines import Phasors
 
-_PER_DECADE = 6  # relaxation times of the test
-_BEYOND = 30.0  # times the frequencies' range, to either side
-_LEVEL = 1e-3  # of a test's p
-_MATTERS = 0.01  # of the largest line of the force
+# Choices.
+_TIMES_PER_DECADE = 6  # relaxation times of the test of Kramers and Kronig
+_RANGE_FACTOR = 30.0  # by which the relaxation times go beyond the range of the frequencies, on either side
+_REJECTION_LEVEL = 1e-3  # of a test's p
+_MIN_EXCESS_SHARE = 0.01  # of the largest line of the force: a smaller harmonic does not matter
+_MIN_VARIANCE = 1e-300  # [N^2] keeps a division by a variance finite
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """How far moduli are from those of any passive linear material."""
+    """Distance of moduli from those of the nearest passive linear material."""
 
     chi2: float
-    freedom: int  # 0: so few frequencies that anything fits
+    freedom: int  # degrees of freedom of chi2; 0: so few frequencies that anything fits
     p: float
 
     @property
     def failed(self) -> bool:
-        """True if they are of none."""
-        return self.freedom > 0 and self.p < _LEVEL
+        """True if no passive linear material has these moduli."""
+        return self.freedom > 0 and self.p < _REJECTION_LEVEL
 
 
 @dataclass(frozen=True)
 class Harmonic:
-    """The force at a sum or difference of the lines, against what the tip's own law makes there."""
+    """The force at a sum or difference of the lines, against that of the tip's own law."""
 
     frequency: float  # [Hz]
-    found: float  # [N]
-    expected: float  # [N]
-    excess: float  # [N] of the difference of the phasors
-    std: float  # [N] of its quadratures
-    p: float
+    found: float  # [N] amplitude of the force
+    expected: float  # [N] amplitude by the tip's law
+    excess: float  # [N] amplitude of the difference of the two phasors
+    std: float  # [N] of the quadratures of the difference
+    p: float  # probability of so large an excess by noise
 
 
 def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
-    """Return True if G' and G'' belong to one causal, passive, linear material.
+    """Return the test of whether G' and G'' belong to one causal, passive, linear material.
 
-    Every such material is a spring, a dashpot and Maxwell arms of positive strengths side by side, so that least
-    squares with non-negative strengths over a dense grid of times leaves the noise and no more (Boukamp 1995, with the
-    sign that mechanics gives; Lawson and Hanson 1974). A wrong mass, compliance or timing is beyond what it can follow.
+    Every such material is a spring, a dashpot and Maxwell arms of positive strengths in parallel, so that least squares
+    with non-negative strengths over a dense grid of relaxation times leaves nothing but the noise (Boukamp 1995, with
+    the sign of mechanics; Lawson and Hanson 1974). A wrong mass, compliance or timing is beyond what it can follow.
     """
     from scipy.optimize import nnls
     from scipy.stats import chi2
 
-    omega = 2 * np.pi * np.array([line.frequency for line in lines])
-    decades = math.log10(_BEYOND**2 * omega.max() / omega.min())
-    times = np.geomspace(1 / (_BEYOND * omega.max()), _BEYOND / omega.min(), math.ceil(_PER_DECADE * decades))
-    turned = 1j * np.outer(omega, times)
-    basis = np.column_stack([np.ones(len(omega)), 1j * omega, turned / (1 + turned)])
-    both, moduli, strengths = np.vstack([basis.real, basis.imag]), stack_moduli(lines), np.zeros(basis.shape[1])
+    basis = _material_basis(2 * np.pi * np.array([line.frequency for line in lines]))
+    stacked_basis, moduli = np.vstack([basis.real, basis.imag]), stack_moduli(lines)
+    strengths = np.zeros(basis.shape[1])
 
-    def attempt(half: Floats, _rounds: int) -> Attempt:
-        white = np.linalg.solve(half, both)
-        sizes = np.linalg.norm(white, axis=0)
-        strengths[:] = nnls(white / sizes, np.linalg.solve(half, moduli))[0] / sizes
-        slopes: Any = both[:, strengths > 0]
+    def fit_under(cholesky_factor: Floats, _iteration: int) -> WeightedFit:
+        """Return the fit under a covariance, and keep its strengths."""
+        whitened = np.linalg.solve(cholesky_factor, stacked_basis)
+        norms = np.linalg.norm(whitened, axis=0)
+        strengths[:] = nnls(whitened / norms, np.linalg.solve(cholesky_factor, moduli))[0] / norms
+        derivatives: Any = stacked_basis[:, strengths > 0]
         prediction: Any = basis @ strengths
-        return Attempt(moduli - both @ strengths, slopes, prediction)
+        return WeightedFit(moduli - stacked_basis @ strengths, derivatives, prediction)
 
-    joint = fit_jointly(lines, attempt)
-    # Neighbouring times share a strength: together they are one arm, of a time between theirs.
-    active = strengths[:2] > 0
-    arms = np.flatnonzero(np.diff(np.concatenate([[0], (strengths[2:] > 0).astype(int)])) == 1)
-    freedom = max(2 * len(lines) - int(active.sum()) - 2 * len(arms) - joint.scatter.parts, 0)
+    joint = fit_jointly(lines, fit_under)
+    freedom = max(2 * len(lines) - _parameter_count(strengths) - joint.scatter.parameter_count, 0)
     return Consistency(joint.chi2, freedom, float(chi2.sf(joint.chi2, freedom)) if freedom else math.nan)
 
 
-def harmonics(answer: RecordingModuli) -> list[Harmonic]:
-    """Return the force at the sums and differences of the lines; nothing of a motion whose frequency changes.
+def _material_basis(omega: Floats) -> Phasors:
+    """Return G* at (n,) [rad/s] of a spring, a dashpot and Maxwell arms of strength 1 (n, 2 + k).
 
-    The tip's own law makes F^ = 4/(1 - nu) G* A^ there, too, G* taken between the lines.
+    1, i w and i w tau/(1 + i w tau), with relaxation times tau from 1/30 of the shortest to 30 of the longest period.
+    """
+    decades = math.log10(_RANGE_FACTOR**2 * omega.max() / omega.min())
+    shortest, longest = 1 / (_RANGE_FACTOR * omega.max()), _RANGE_FACTOR / omega.min()
+    times = np.geomspace(shortest, longest, math.ceil(_TIMES_PER_DECADE * decades))
+    omega_tau = 1j * np.outer(omega, times)
+    return np.column_stack([np.ones(len(omega)), 1j * omega, omega_tau / (1 + omega_tau)])
+
+
+def _parameter_count(strengths: Floats) -> int:
+    """Return the number of parameters behind strengths of a spring, a dashpot and Maxwell arms (2 + k,).
+
+    Neighbouring arms of positive strength stand for one arm of a time between theirs, which has two parameters.
+    """
+    spring_and_dashpot, arms = strengths[:2] > 0, strengths[2:] > 0
+    arm_begins = np.flatnonzero(np.diff(np.concatenate([[0], arms.astype(int)])) == 1)
+    return int(spring_and_dashpot.sum()) + 2 * len(arm_begins)
+
+
+def harmonics(moduli: RecordingModuli) -> list[Harmonic]:
+    """Return the force at the sums and differences of the lines; empty for a motion whose frequency changes."""
+    intermodulation = moduli.intermodulation
+    if intermodulation is None:
+        return []
+    frequencies, freedom = intermodulation.frequencies.tolist(), intermodulation.freedom.tolist()
+    return [
+        _harmonic(moduli, frequency, phasors, covariance, degrees)
+        for frequency, phasors, covariance, degrees in zip(
+            frequencies, intermodulation.phasors, intermodulation.covariances, freedom, strict=True
+        )
+    ]
+
+
+def _harmonic(
+    moduli: RecordingModuli, frequency: float, phasors: Phasors, covariance: Phasors, freedom: float
+) -> Harmonic:
+    """Return the harmonic at a frequency [Hz], of phasors (4,) with a covariance (4, 4) of so many degrees of freedom.
+
+    The tip's own law has the force F^ = 4/(1 - nu) G* A^ there, G* interpolated between the lines: of several
+    interpolations the one nearest to the measured force counts. p is that of |difference|^2/(2 std^2), which is
+    distributed as F with 2 and `freedom` degrees of freedom.
     """
     from scipy.stats import f as fisher
 
-    mixed, recorded = answer.mixed, answer.recorded
-    if mixed is None or not len(mixed.frequencies):
-        return []
-    found = []
-    for frequency, phasors, covariance, freedom in zip(
-        mixed.frequencies.tolist(), mixed.phasors, mixed.covariances, mixed.freedom.tolist(), strict=True
-    ):
-        omega = 2 * math.pi * frequency
-        inertia = recorded.tip_mass * omega**2
-        force = phasors[0] + inertia * phasors[1]
-        tried = []
-        for shear in _between(answer.lines, frequency):
-            per_area = 4.0 / (1.0 - answer.lines[0].poisson) * shear
-            weights = np.array([1.0, inertia, -per_area, 0.0])
-            noise = float(np.real(weights @ covariance @ weights.conj())) / 2.0
-            shifted = abs(per_area * (phasors[3] - phasors[2])) ** 2
-            excess, std = abs(force - per_area * phasors[2]), math.sqrt(max(noise + shifted, 1e-300))
-            tried.append((excess, std, abs(per_area * phasors[2])))
-        excess, std, expected = min(tried)
-        p = float(fisher.sf(excess**2 / (2 * std**2), 2, freedom))
-        found.append(Harmonic(frequency, abs(force), float(expected), float(excess), std, p))
-    return found
+    measured_force, depth, area, higher_area = phasors
+    inertia = moduli.recording.tip_mass * (2 * math.pi * frequency) ** 2  # [N/m]
+    contact_force = measured_force + inertia * depth
+    candidates = []
+    for shear in _interpolate_modulus(moduli.lines, frequency):
+        force_per_area = 4.0 / (1.0 - moduli.lines[0].poisson) * shear
+        # Variance of a quadrature of the difference: noise of force, depth and area, and the height of the skin.
+        weights = np.array([1.0, inertia, -force_per_area, 0.0])
+        noise_variance = float(np.real(weights @ covariance @ weights.conj())) / 2.0
+        surface_variance = abs(force_per_area * (higher_area - area)) ** 2
+        std = math.sqrt(max(noise_variance + surface_variance, _MIN_VARIANCE))
+        expected_force = force_per_area * area
+        candidates.append((abs(contact_force - expected_force), std, abs(expected_force)))
+    excess, std, expected = min(candidates)
+    p = float(fisher.sf(excess**2 / (2 * std**2), 2, freedom))
+    return Harmonic(frequency, found=abs(contact_force), expected=float(expected), excess=float(excess), std=std, p=p)
 
 
-def _between(lines: Sequence[ModulusLine], frequency: float) -> list[complex]:
-    """G* [Pa] at a frequency by the lines next to it; of one line as a solid, and as one of constant loss angle."""
-    known = np.log([line.frequency for line in lines])
+def _interpolate_modulus(lines: Sequence[ModulusLine], frequency: float) -> list[complex]:
+    """Return G* [Pa] at a frequency [Hz] by the lines next to it, as a list of one or two possible values.
+
+    Between lines each part goes with a power of the frequency, or linearly with its logarithm where some G' is not
+    positive. Of a single line: of constant loss, and as of a Kelvin-Voigt solid.
+    """
     if len(lines) == 1:
-        g = lines[0].shear
-        return [g, complex(g.real, g.imag * frequency / lines[0].frequency)]
-    values = np.array([line.shear for line in lines], np.complex128)
-    at = math.log(frequency)
-    right = int(np.clip(np.searchsorted(known, at), 1, len(known) - 1))
-    share = (at - known[right - 1]) / (known[right] - known[right - 1])
-    low, high = values[right - 1], values[right]
-    return [complex(low + (high - low) * share) if np.min(values.real) <= 0 else _power(low, high, share)]
+        shear = lines[0].shear
+        return [shear, complex(shear.real, shear.imag * frequency / lines[0].frequency)]
+    log_frequencies = np.log([line.frequency for line in lines])
+    moduli = np.array([line.shear for line in lines], np.complex128)
+    log_frequency = math.log(frequency)
+    # The two lines around the frequency; beyond the first or last line they extrapolate.
+    right = int(np.clip(np.searchsorted(log_frequencies, log_frequency), 1, len(log_frequencies) - 1))
+    share = (log_frequency - log_frequencies[right - 1]) / (log_frequencies[right] - log_frequencies[right - 1])
+    low, high = moduli[right - 1], moduli[right]
+    if np.min(moduli.real) <= 0:
+        return [complex(low + (high - low) * share)]
+    return [complex(_interpolate_power(low.real, high.real, share), _interpolate_power(low.imag, high.imag, share))]
 
 
-def _power(low: complex, high: complex, share: float) -> complex:
-    """Between two moduli, each part by a power of the frequency where it is positive."""
-    parts = []
-    for a, b in ((low.real, high.real), (low.imag, high.imag)):
-        parts.append(a * (b / a) ** share if a > 0 and b > 0 else a + (b - a) * share)
-    return complex(*parts)
+def _interpolate_power(low: float, high: float, share: float) -> float:
+    """Return the number at a share of the way from `low` to `high`, geometric where both are positive, else linear."""
+    return low * (high / low) ** share if low > 0 and high > 0 else low + (high - low) * share
 
 
-def unexplained_harmonics(answer: RecordingModuli) -> list[Harmonic]:
-    """Harmonics beyond those of the tip's own law that are clear of noise and large enough to matter."""
-    tried = harmonics(answer)
-    largest = max((abs(line.shear) * 4 / (1 - line.poisson) * line.area for line in answer.lines), default=0.0)
-    return [one for one in tried if one.p < _LEVEL / len(tried) and one.excess > _MATTERS * largest]
+def unexplained_harmonics(moduli: RecordingModuli) -> list[Harmonic]:
+    """Return the harmonics beyond those of the tip's own law that exceed the noise and are large enough to matter.
+
+    The level of the test is divided by the number of harmonics (Bonferroni).
+    """
+    candidates = harmonics(moduli)
+    line_forces = [abs(line.shear) * 4 / (1 - line.poisson) * line.area for line in moduli.lines]
+    min_excess = _MIN_EXCESS_SHARE * max(line_forces, default=0.0)
+    return [
+        harmonic
+        for harmonic in candidates
+        if harmonic.p < _REJECTION_LEVEL / len(candidates) and harmonic.excess > min_excess
+    ]

@@ -19,94 +19,114 @@ _SYMBOLS = {  # of the parameters of the laws, as docs/spectrum.md has them
     "relaxing_elasticity": "E_1",
     "relaxation_time": "tau",
 }
-_FAR = 3.0  # standard uncertainties of a delay
+_MAX_DELAY_SIGMAS = 3.0  # standard uncertainties of a delay that the declared timing allows: a choice
+_HIDDEN_SIGMAS = 2  # standard uncertainties of the timing below which a loss modulus is not distinguishable: a choice
+_LISTED_HARMONICS = 3  # of a recording, the largest: a choice
 
 
 def flags_of(
-    answers: Sequence[RecordingModuli], lines: Sequence[ModulusLine], consistency: Consistency, fits: Sequence[LawFit]
+    recordings: Sequence[RecordingModuli],
+    lines: Sequence[ModulusLine],
+    consistency: Consistency,
+    fits: Sequence[LawFit],
 ) -> list[Flag]:
-    """Return all flags, those of the recordings first."""
-    found = [flag for answer in answers for flag in answer.recorded.flags]
-    found += [flag for answer in answers for flag in _harmonics(answer)]
-    found += _timing(answers, lines)
+    """Return all flags of a spectrum, those of its recordings first."""
+    flags = [flag for moduli in recordings for flag in moduli.recording.flags]
+    flags += [flag for moduli in recordings for flag in _harmonic_flags(moduli)]
+    flags += _timing_flags(recordings, lines)
     if consistency.failed:
-        found.append(
+        flags.append(
             Flag(
                 "kramers-kronig",
                 f"the nearest passive material leaves chi^2 {consistency.chi2:.3g} with {consistency.freedom} degrees "
                 f"of freedom (p = {consistency.p:.1e})",
             )
         )
-    return list(dict.fromkeys([*found, *_laws(answers, fits)]))
+    flags += _law_flags(recordings, fits)
+    return list(dict.fromkeys(flags))
 
 
-def _harmonics(answer: RecordingModuli) -> Iterator[Flag]:
-    worst = sorted(unexplained_harmonics(answer), key=lambda one: -one.excess)
-    if worst:
-        text = ", ".join(f"{1e3 * one.excess:.2g} mN at {one.frequency:.3g} Hz" for one in worst[:3])
-        yield Flag("harmonics", f"{answer.recorded.name}: {text} beyond what the tip's law explains")
+def _harmonic_flags(moduli: RecordingModuli) -> Iterator[Flag]:
+    """Yield the flag of a recording whose force has harmonics that the tip's law does not explain."""
+    largest_first = sorted(unexplained_harmonics(moduli), key=lambda harmonic: -harmonic.excess)
+    if largest_first:
+        listed = ", ".join(
+            f"{1e3 * harmonic.excess:.2g} mN at {harmonic.frequency:.3g} Hz"
+            for harmonic in largest_first[:_LISTED_HARMONICS]
+        )
+        yield Flag("harmonics", f"{moduli.recording.name}: {listed} beyond what the tip's law explains")
 
 
-def _timing(answers: Sequence[RecordingModuli], lines: Sequence[ModulusLine]) -> Iterator[Flag]:
-    if any(answer.recorded.timing is None for answer in answers):
-        slope = max(abs(line.by_delay.imag / line.shear.real) for line in lines)
+def _timing_flags(recordings: Sequence[RecordingModuli], lines: Sequence[ModulusLine]) -> Iterator[Flag]:
+    """Yield the flags of a timing that is not declared, and of loss moduli that it hides."""
+    if any(moduli.recording.timing is None for moduli in recordings):
+        slope = max(abs(line.delay_derivative.imag / line.shear.real) for line in lines)  # [1/s] of tan(delta)
         yield Flag("timing-undeclared", f"1 ms between force and motion changes tan(delta) by up to {1e-3 * slope:.2g}")
-    hidden = [line for line in lines if abs(line.shear.imag) < 2 * abs(line.shifts.get("timing", 0j).imag)]
-    if hidden:
-        text = ", ".join(f"{line.frequency:.3g}" for line in hidden)
+    hidden_frequencies = [
+        line.frequency
+        for line in lines
+        if abs(line.shear.imag) < _HIDDEN_SIGMAS * abs(line.shifts.get("timing", 0j).imag)
+    ]
+    if hidden_frequencies:
+        listed = ", ".join(f"{frequency:.3g}" for frequency in hidden_frequencies)
         yield Flag(
-            "loss-not-distinguishable", f"at {text} Hz G'' is below twice the effect of the timing's uncertainty"
+            "loss-not-distinguishable", f"at {listed} Hz G'' is below twice the effect of the timing's uncertainty"
         )
 
 
-def _laws(answers: Sequence[RecordingModuli], fits: Sequence[LawFit]) -> Iterator[Flag]:
+def _law_flags(recordings: Sequence[RecordingModuli], fits: Sequence[LawFit]) -> Iterator[Flag]:
+    """Yield the flag of laws that are all refuted, or of a delay beyond the declared timing under every supported law.
+
+    With a timing that is not declared no delay is too large.
+    """
     if not fits:
         return
-    standing = supported_laws(fits)
-    if not standing:
-        text = ", ".join(f"{fit.law.name} p = {fit.p:.1e}" for fit in fits)
-        yield Flag("no-law", f"refuted, with a free delay: {text}")
+    supported = supported_laws(fits)
+    if not supported:
+        listed = ", ".join(f"{fit.law.name} p = {fit.p:.1e}" for fit in fits)
+        yield Flag("no-law", f"refuted, with a free delay: {listed}")
         return
-    allowed = max((answer.recorded.timing or 0.0 for answer in answers), default=0.0)
-    if any(answer.recorded.timing is None for answer in answers):
+    timing_stds = [moduli.recording.timing for moduli in recordings]
+    if any(std is None for std in timing_stds):
         return
-    if all(abs(fit.delay) > _FAR * (fit.delay_std**2 + allowed**2) ** 0.5 for fit in standing):
-        text = ", ".join(f"{1e3 * fit.delay:.3g} ± {1e3 * fit.delay_std:.2g} ms ({fit.law.name})" for fit in standing)
-        yield Flag("delay-found", f"the force is late by {text}; declared: 0 ± {1e3 * allowed:.2g} ms")
+    timing_std = max((std or 0.0 for std in timing_stds), default=0.0)
+    if all(abs(fit.delay) > _MAX_DELAY_SIGMAS * (fit.delay_std**2 + timing_std**2) ** 0.5 for fit in supported):
+        delays = [f"{1e3 * fit.delay:.3g} ± {1e3 * fit.delay_std:.2g} ms ({fit.law.name})" for fit in supported]
+        yield Flag("delay-found", f"the force is late by {', '.join(delays)}; declared: 0 ± {1e3 * timing_std:.2g} ms")
 
 
-def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
-    """Return the data's evidence on law and delay, as one sentence."""
+def evidence_sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
+    """Return the data's evidence on law and delay, as one sentence, and the scatter between recordings as another."""
     if not several_frequencies(lines):
         text = "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
-        return f"{text} {between(fits)}".strip()
+        return f"{text} {scatter_sentence(fits)}".strip()
     if not fits:
         return "So few frequencies cannot test a law with a free delay."
-    standing = supported_laws(fits)
-    if not standing:
+    supported = supported_laws(fits)
+    if not supported:
         return "None of the laws, each with a delay of the force, describes the data."
-    best = standing[0]
-    text = f"The data support {' or '.join(fit.law.name for fit in standing)}"
-    refuted = [fit.law.name for fit in fits if fit not in standing]
-    text += f" (not {', not '.join(refuted)})" if refuted else ""
+    best = supported[0]
+    text = f"The data support {' or '.join(fit.law.name for fit in supported)}"
+    refuted_laws = [fit.law.name for fit in fits if fit not in supported]
+    text += f" (not {', not '.join(refuted_laws)})" if refuted_laws else ""
     text = f"{text}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
-    return f"{text} {between(standing)}".strip()
+    return f"{text} {scatter_sentence(supported)}".strip()
 
 
-def between(fits: Sequence[LawFit]) -> str:
-    """Return how far recordings scatter under the best law; nothing of a single one."""
+def scatter_sentence(fits: Sequence[LawFit]) -> str:
+    """Return the scatter of recordings under the first of the fits, as a sentence; empty for a single recording."""
     if not fits or fits[0].scatter.recordings < 2:
         return ""
-    known = fits[0].scatter
-    shares = f"{100 * known.storage:.2g} % in G' and {100 * known.loss:.2g} % in G''"
-    return f"Beyond what they state, the {known.recordings} recordings scatter by {shares}."
+    scatter = fits[0].scatter
+    shares = f"{100 * scatter.storage:.2g} % in G' and {100 * scatter.loss:.2g} % in G''"
+    return f"Beyond what they state, the {scatter.recordings} recordings scatter by {shares}."
 
 
-def values_of(fit: LawFit) -> str:
-    """Return the parameters of a law by their symbols, in display units."""
-    text = []
-    for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
-        word, factor = display_unit(unit)
+def parameter_text(fit: LawFit) -> str:
+    """Return the parameters of a law by their symbols, in display units, one a line."""
+    rows = []
+    for (name, si_unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
+        unit, factor = display_unit(si_unit)
         number = value_with_uncertainty(factor * value, factor * std)
-        text.append(f"{_SYMBOLS.get(name, name)} {number} {word}".removesuffix(" 1"))
-    return "\n".join(text)
+        rows.append(f"{_SYMBOLS.get(name, name)} {number} {unit}".removesuffix(" 1"))
+    return "\n".join(rows)

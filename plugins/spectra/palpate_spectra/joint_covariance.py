@@ -1,4 +1,4 @@
-"""Lines of one or many recordings as one set of data: what they have in common, and how far recordings scatter."""
+"""Lines of one or many recordings as one set of data: their common errors, and the scatter between recordings."""
 
 from __future__ import annotations
 
@@ -14,33 +14,38 @@ from palpate_kit.numerics.normal_equations import scaled_inverse
 from palpate_spectra.complex_moduli import ModulusLine
 from palpate_spectra.spectral_lines import Phasors
 
-_ROUNDS = 20
-_SETTLED = 1e-6  # of the largest modulus
-_LEAST, _MOST = 1e-5, 3.0  # scatter of a modulus between recordings, as a share of it; below the least it is 0
-_TRIED = (1e-4, 2e-3, 1e-2, 5e-2, 0.25)  # first, of each
-_SINGULAR = 1e-9  # of the largest singular value
+# Choices.
+_MAX_ITERATIONS = 20  # of a fit whose covariance follows from its own prediction
+_CONVERGED_SHARE = 1e-6  # of the largest modulus: a prediction that changes by less has converged
+_MIN_SCATTER, _MAX_SCATTER = 1e-5, 3.0  # of moduli between recordings, as a share of them
+_ZERO_SCATTER = 2 * _MIN_SCATTER  # an estimate up to this is at its lower bound, and means no scatter
+_SCATTER_GRID = (1e-4, 2e-3, 1e-2, 5e-2, 0.25)  # shares from the best of which, for G' and for G'', the search starts
+_SEARCH_TOLERANCES = {"xatol": 1e-4, "fatol": 1e-7}  # of the logarithm of a share, and of -2 log(likelihood)
+_SINGULAR_SHARE = 1e-9  # of the largest singular value; directions below it are rounding
+_UPPER_QUANTILE = 0.975  # of an interval of 95 %
+_MIN_VALUE = 1e-300  # keeps a division by a norm or a variance finite
 
 
 @dataclass(frozen=True)
 class RecordingScatter:
-    """Standard deviation of the moduli between recordings, as a share of them, beyond what they state themselves."""
+    """Standard deviation of the moduli between recordings, as a share of them, beyond their own uncertainty."""
 
     storage: float = 0.0
     loss: float = 0.0
     recordings: int = 1
 
     @property
-    def parts(self) -> int:
-        """How many of the two there are."""
+    def parameter_count(self) -> int:
+        """Number of the shares that were estimated and are not 0."""
         return int(self.storage > 0) + int(self.loss > 0)
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """A least-squares fit under one covariance."""
+class WeightedFit:
+    """A least-squares fit to n lines under one covariance."""
 
-    residual: Floats  # (2 n,) data less model [Pa]
-    slopes: Floats  # (2 n, p) of the model by its free parameters
+    residual: Floats  # (2 n,) data less model [Pa], as `stack_moduli` orders them
+    derivatives: Floats  # (2 n, p) of the model by its free parameters
     prediction: Phasors  # (n,) the model's G* [Pa]
 
 
@@ -48,148 +53,181 @@ class Attempt:
 class JointFit:
     """A fit under the covariance that its own prediction gives."""
 
-    attempt: Attempt
-    half: Floats  # (2 n, 2 n) Cholesky factor of the covariance [Pa]
+    fit: WeightedFit
+    cholesky_factor: Floats  # (2 n, 2 n) of the covariance [Pa]
     scatter: RecordingScatter
-    between: tuple[Floats, ...]  # (2 n, 2 n) parts of the covariance by the scatter of the recordings [Pa^2]
+    scatter_covariances: tuple[Floats, ...]  # (2 n, 2 n) [Pa^2] parts of the covariance by the scatter of G', of G''
 
     @property
     def chi2(self) -> float:
         """Sum of the squares of the residuals, uncorrelated and in units of their standard deviation."""
-        white = np.linalg.solve(self.half, self.attempt.residual)
-        return float(white @ white)
+        whitened_residual = np.linalg.solve(self.cholesky_factor, self.fit.residual)
+        return float(whitened_residual @ whitened_residual)
 
     @property
     def log_determinant(self) -> float:
         """Logarithm of the covariance's determinant."""
-        return 2.0 * float(np.log(self.half.diagonal()).sum())
+        return 2.0 * float(np.log(self.cholesky_factor.diagonal()).sum())
 
-    def uncertainty(self, slopes: Floats) -> Floats:
-        """Standard uncertainties (p,) of parameters with these slopes (2 n, p) of the data.
+    def uncertainty(self, derivatives: Floats) -> Floats:
+        """Return the standard uncertainties (p,) of parameters, by derivatives (2 n, p) of the data.
 
         Where recordings scatter they are widened by t(nu)/t(inf) of 95 %, nu the degrees of freedom that the estimates
-        of the scatter leave: Satterthwaite's, 2 V^2/var(V), by the information of the restricted likelihood.
+        of the scatter leave.
         """
         from scipy.stats import t
 
-        white = np.linalg.solve(self.half, slopes)
-        sizes = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
-        white = white / sizes
-        spread = scaled_inverse(white.T @ white)
-        variance = np.maximum(spread.diagonal(), 1e-300)
-        parts = [np.linalg.solve(self.half, np.linalg.solve(self.half, part).T) for part in self.between if part.any()]
-        freedom = np.full(len(variance), np.inf)
-        if parts:  # of each part's own size, so that its share is 1
-            rest = np.eye(len(white)) - white @ spread @ white.T
-            projected = [rest @ part @ rest for part in parts]
-            information = np.array([[0.5 * np.sum(one * other) for other in projected] for one in projected])
-            by_part = np.array([np.diag(spread @ white.T @ part @ white @ spread) for part in parts])
-            spreading = np.sum(by_part * (scaled_inverse(information) @ by_part), axis=0)
-            freedom = np.maximum(2.0 * variance**2 / np.maximum(spreading, 1e-300), 1.0)
-        return np.asarray(np.sqrt(variance) / sizes * t.ppf(0.975, freedom) / t.ppf(0.975, np.inf))
+        whitened = np.linalg.solve(self.cholesky_factor, derivatives)
+        norms = np.maximum(np.linalg.norm(whitened, axis=0), _MIN_VALUE)
+        design = whitened / norms
+        covariance = scaled_inverse(design.T @ design)
+        std = np.sqrt(np.maximum(covariance.diagonal(), _MIN_VALUE)) / norms
+        freedom = self._freedom(design, covariance)
+        return np.asarray(std * t.ppf(_UPPER_QUANTILE, freedom) / t.ppf(_UPPER_QUANTILE, np.inf))
+
+    def _freedom(self, design: Floats, covariance: Floats) -> Floats:
+        """Return the degrees of freedom (p,) of the variances of parameters; infinite without scatter.
+
+        Satterthwaite's 2 V^2/var(V): V the variance of a parameter, var(V) by its derivatives with respect to the parts
+        of the scatter and by their information I_ij = tr(P V_i P V_j)/2 in the restricted likelihood, P the projection
+        off the whitened `design` (2 n, p), V_i the whitened part. `covariance` (p, p) is that of the parameters.
+        """
+        variance = np.maximum(covariance.diagonal(), _MIN_VALUE)
+        parts = [self._whiten(part) for part in self.scatter_covariances if part.any()]
+        if not parts:
+            return np.full(len(variance), np.inf)
+        # Each part counts in units of its own size, so that its share is 1.
+        projection = np.eye(len(design)) - design @ covariance @ design.T
+        projected_parts = [projection @ part @ projection for part in parts]
+        information = np.array([[0.5 * np.sum(a * b) for b in projected_parts] for a in projected_parts])
+        gradient = np.array([np.diag(covariance @ design.T @ part @ design @ covariance) for part in parts])
+        variance_of_variance = np.sum(gradient * (scaled_inverse(information) @ gradient), axis=0)
+        return np.asarray(np.maximum(2.0 * variance**2 / np.maximum(variance_of_variance, _MIN_VALUE), 1.0))
+
+    def _whiten(self, part: Floats) -> Floats:
+        """Return L^-1 C L^-T (2 n, 2 n) of a covariance C, L the Cholesky factor of the whole."""
+        return np.linalg.solve(self.cholesky_factor, np.linalg.solve(self.cholesky_factor, part).T)
 
 
 def stack_moduli(lines: Sequence[ModulusLine], delay: float = 0.0) -> Floats:
-    """G' of all lines, then G'' (2 n,) [Pa], of a force that is late by `delay` [s]."""
-    return stack(np.array([line.delayed(delay) if delay else line.shear for line in lines], np.complex128))
+    """Return G' of all lines, then G'' (2 n,) [Pa], if the force is late by `delay` [s]."""
+    moduli = [line.shear_of_delay(delay) if delay else line.shear for line in lines]
+    return stack_parts(np.array(moduli, np.complex128))
 
 
-def stack(values: Phasors) -> Floats:
-    """Real parts, then imaginary parts (2 n,)."""
+def stack_parts(values: Phasors) -> Floats:
+    """Return the real parts of values (n,), then the imaginary parts (2 n,)."""
     return np.concatenate([values.real, values.imag])
 
 
 def shared_covariance(lines: Sequence[ModulusLine], prediction: Phasors, without: Sequence[str] = ()) -> Floats:
-    """Covariance (2 n, 2 n) [Pa^2] of `stack_moduli` by noise and by all that lines have in common.
+    """Return the covariance (2 n, 2 n) [Pa^2] of `stack_moduli` by noise and by the errors that lines have in common.
 
-    A common factor moves every line by the same share of what the material really is. Scaled by the measured values it
-    would make small ones more certain than large ones, and a joint value below all of them (Peelle's puzzle; D'Agostini
-    1994), so it is scaled by the prediction (n,) [Pa].
+    `without` are sources of error that are left out. A common factor moves every line by the same share of the
+    material's true modulus. Scaled by the measured values it would make small ones more certain than large ones, and a
+    joint value below all of them (Peelle's puzzle; D'Agostini 1994), so it is scaled by the prediction (n,) [Pa].
     """
-    total = np.diag([line.noise**2 for line in lines] * 2)
-    for name in dict.fromkeys(name for line in lines for name in line.shifts if name not in without):
-        for apart in dict.fromkeys(line.apart.get(name, "") for line in lines):
-            shift = np.array(
-                [
-                    _shift(line, name, predicted) if line.apart.get(name, "") == apart else 0.0
-                    for line, predicted in zip(lines, prediction.tolist(), strict=True)
-                ],
-                np.complex128,
-            )
-            total = total + np.outer(stack(shift), stack(shift))
-    return np.asarray(total)
+    covariance = np.diag([line.noise**2 for line in lines] * 2)
+    for source in dict.fromkeys(source for line in lines for source in line.shifts if source not in without):
+        groups = [line.error_groups.get(source, "") for line in lines]
+        shifts = [
+            _predicted_shift(line, source, predicted)
+            for line, predicted in zip(lines, prediction.tolist(), strict=True)
+        ]
+        # The lines of a group share one error; those of other groups are not correlated with it.
+        for group in dict.fromkeys(groups):
+            members = np.array(groups) == group
+            group_shift = stack_parts(np.where(members, np.array(shifts, np.complex128), 0.0))
+            covariance = covariance + np.outer(group_shift, group_shift)
+    return np.asarray(covariance)
 
 
-def _shift(line: ModulusLine, name: str, predicted: complex) -> complex:
-    """Shift of the predicted G* [Pa] by one standard uncertainty of a source; inertia knows nothing of the modulus."""
-    shift = complex(line.shifts.get(name, 0.0))
-    return shift if name == "mass" else shift * predicted / line.shear
+def _predicted_shift(line: ModulusLine, source: str, predicted: complex) -> complex:
+    """Return the shift of the predicted G* [Pa] by one standard uncertainty of a source.
+
+    All but the mass are factors of the modulus; inertia does not depend on it.
+    """
+    shift = complex(line.shifts.get(source, 0.0))
+    return shift if source == "mass" else shift * predicted / line.shear
 
 
 def fit_jointly(
-    lines: Sequence[ModulusLine], attempt: Callable[[Floats, int], Attempt], without: Sequence[str] = ()
+    lines: Sequence[ModulusLine], fit_under: Callable[[Floats, int], WeightedFit], without: Sequence[str] = ()
 ) -> JointFit:
-    """Return a fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa],
-    and gets how many there were before.
+    """Return a fit to all lines under the covariance that its own prediction gives.
 
-    Common factors are scaled by the fit's own prediction, and the scatter of the recordings is estimated from its
-    residuals, until neither changes.
+    `fit_under` is least squares under a covariance, of which it gets the Cholesky factor (2 n, 2 n) [Pa] and the number
+    of fits before. `without` are sources of error that are left out. Common factors are scaled by the fit's prediction,
+    and the scatter of the recordings is estimated from its residuals, until the prediction stays.
     """
     recordings = len({line.run for line in lines})
     measured = np.array([line.shear for line in lines], np.complex128)
-    alone = np.sqrt(shared_covariance(lines, measured, without).diagonal())  # of each line by itself, as a start
-    found, scatter = attempt(np.diag(alone), 0), RecordingScatter()
-    half, between = np.diag(alone), tuple[Floats, ...]()
-    for rounds in range(1, _ROUNDS):
-        shared = shared_covariance(lines, found.prediction, without)
+    # The first fit takes each line by itself.
+    cholesky_factor = np.diag(np.sqrt(shared_covariance(lines, measured, without).diagonal()))
+    fit = fit_under(cholesky_factor, 0)
+    scatter = RecordingScatter()
+    scatter_covariances = tuple[Floats, ...]()
+    for iteration in range(1, _MAX_ITERATIONS):
+        shared = shared_covariance(lines, fit.prediction, without)
         if recordings > 1:
-            parts = _parts(lines, found.prediction)
-            scatter = _scatter(found, shared, parts, recordings)
-            between = (scatter.storage**2 * parts[0], scatter.loss**2 * parts[1])
-        half = np.asarray(np.linalg.cholesky(sum(between, shared)), np.float64)
-        before, found = found.prediction, attempt(half, rounds)
-        if np.abs(found.prediction - before).max() < _SETTLED * np.abs(before).max():
+            unit_covariances = _unit_scatter_covariances(lines, fit.prediction)
+            scatter = _estimate_scatter(fit, shared, unit_covariances, recordings)
+            storage, loss = unit_covariances
+            scatter_covariances = (scatter.storage**2 * storage, scatter.loss**2 * loss)
+        cholesky_factor = np.asarray(np.linalg.cholesky(sum(scatter_covariances, shared)), np.float64)
+        previous = fit.prediction
+        fit = fit_under(cholesky_factor, iteration)
+        if np.abs(fit.prediction - previous).max() < _CONVERGED_SHARE * np.abs(previous).max():
             break
-    return JointFit(found, half, scatter, between)
+    return JointFit(fit, cholesky_factor, scatter, scatter_covariances)
 
 
-def _parts(lines: Sequence[ModulusLine], prediction: Phasors) -> tuple[Floats, Floats]:
-    """Covariances (2 n, 2 n) [Pa^2] of storage, and of loss moduli that differ by all of themselves by recording."""
+def _unit_scatter_covariances(lines: Sequence[ModulusLine], prediction: Phasors) -> tuple[Floats, Floats]:
+    """Return the covariances (2 n, 2 n) [Pa^2] of recordings whose G', and whose G'', scatter by all of themselves."""
     runs = list(dict.fromkeys(line.run for line in lines))
-    of_run = np.array([[line.run == run for line in lines] for run in runs], float)
-    nothing = np.zeros_like(of_run)
-    storage = np.hstack([of_run * prediction.real, nothing])
-    loss = np.hstack([nothing, of_run * prediction.imag])
+    membership = np.array([[line.run == run for line in lines] for run in runs], float)  # (runs, n)
+    zeros = np.zeros_like(membership)
+    storage = np.hstack([membership * prediction.real, zeros])
+    loss = np.hstack([zeros, membership * prediction.imag])
     return storage.T @ storage, loss.T @ loss
 
 
-def _scatter(found: Attempt, shared: Floats, parts: tuple[Floats, Floats], recordings: int) -> RecordingScatter:
-    """Scatter of the recordings by restricted maximum likelihood (Patterson and Thompson 1971)."""
+def _estimate_scatter(
+    fit: WeightedFit, shared: Floats, unit_covariances: tuple[Floats, Floats], recordings: int
+) -> RecordingScatter:
+    """Return the scatter of the recordings by restricted maximum likelihood (Patterson and Thompson 1971).
+
+    With the covariance V = shared + s'^2 C' + s''^2 C'' of residuals r and derivatives X, the shares s', s'' minimise
+    log|V| + log|X^T V^-1 X| + r^T P r, P the inverse of V without the column space of X.
+    """
     from scipy.optimize import minimize
 
+    # In units of the standard deviations without scatter, so that the search is well scaled.
     scale = np.sqrt(shared.diagonal())
-    across = scale[:, None] * scale
-    unit, storage, loss = (part / across for part in (shared, *parts))
-    residual, design = found.residual / scale, _column_space(found.slopes / scale[:, None])
+    scale_products = scale[:, None] * scale
+    unit, storage, loss = (covariance / scale_products for covariance in (shared, *unit_covariances))
+    residual = fit.residual / scale
+    design = _column_space(fit.derivatives / scale[:, None])
 
-    def cost(logarithms: Floats) -> float:
-        first, second = np.exp(2.0 * logarithms)
-        half = np.linalg.cholesky(unit + first * storage + second * loss)
-        left, turned = np.linalg.solve(half, residual), np.linalg.solve(half, design)
-        basis, triangle = np.linalg.qr(turned)
-        rest = left - basis @ (basis.T @ left)
-        determinants = np.log(half.diagonal()).sum() + np.log(np.abs(triangle.diagonal())).sum()
-        return float(rest @ rest + 2.0 * determinants)
+    def deviance(log_shares: Floats) -> float:
+        """Return -2 log(restricted likelihood), up to a constant, by the Cholesky factor of V and a QR of L^-1 X."""
+        storage_variance, loss_variance = np.exp(2.0 * log_shares)
+        cholesky_factor = np.linalg.cholesky(unit + storage_variance * storage + loss_variance * loss)
+        whitened_residual = np.linalg.solve(cholesky_factor, residual)
+        q, r = np.linalg.qr(np.linalg.solve(cholesky_factor, design))
+        projected = whitened_residual - q @ (q.T @ whitened_residual)
+        half_log_determinants = np.log(cholesky_factor.diagonal()).sum() + np.log(np.abs(r.diagonal())).sum()
+        return float(projected @ projected + 2.0 * half_log_determinants)
 
-    bounds = [(math.log(_LEAST), math.log(_MOST))] * 2
-    start = min(product(np.log(_TRIED), repeat=2), key=lambda pair: cost(np.array(pair)))
-    best = minimize(cost, start, bounds=bounds, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-7})
-    shares = [share if share > 2 * _LEAST else 0.0 for share in np.exp(best.x).tolist()]
-    return RecordingScatter(shares[0], shares[1], recordings)
+    bounds = [(math.log(_MIN_SCATTER), math.log(_MAX_SCATTER))] * 2
+    start = min(product(np.log(_SCATTER_GRID), repeat=2), key=lambda pair: deviance(np.array(pair)))
+    best = minimize(deviance, start, bounds=bounds, method="Nelder-Mead", options=_SEARCH_TOLERANCES)
+    shares = [share if share > _ZERO_SCATTER else 0.0 for share in np.exp(best.x).tolist()]
+    return RecordingScatter(storage=shares[0], loss=shares[1], recordings=recordings)
 
 
-def _column_space(slopes: Floats) -> Floats:
-    """Return an orthonormal basis (2 n, r) of what the parameters can follow."""
-    sizes = np.linalg.norm(slopes, axis=0)
-    basis, values, _ = np.linalg.svd(slopes[:, sizes > 0] / sizes[sizes > 0], full_matrices=False)
-    return np.asarray(basis[:, values > _SINGULAR * values.max(initial=0.0)])
+def _column_space(derivatives: Floats) -> Floats:
+    """Return an orthonormal basis (2 n, r) of the column space of derivatives (2 n, p)."""
+    norms = np.linalg.norm(derivatives, axis=0)
+    basis, singular_values, _ = np.linalg.svd(derivatives[:, norms > 0] / norms[norms > 0], full_matrices=False)
+    return np.asarray(basis[:, singular_values > _SINGULAR_SHARE * singular_values.max(initial=0.0)])

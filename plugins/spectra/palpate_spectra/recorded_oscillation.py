@@ -1,4 +1,4 @@
-"""What a spectrum is made of: a recorded oscillation in contact, and what its pipeline declares of the rig."""
+"""A recorded oscillation in contact, from which a spectrum is made, and the rig that its pipeline declares."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
 
-_LEAST = 200  # samples
-_GAP = 2.5  # of the usual interval
-_AIR = 50  # samples in air from which on the touch is known
-_RESOLVED = 0.4  # of the way from the touch to five times the noise
-_MASS = 0.05  # of itself, where no uncertainty of the tip's mass is declared
-_STIFFNESS = 0.1  # of itself: the uncertainty of a rig's stiffness is never declared
+# Choices, as docs/spectrum.md states those that a user meets.
+_MIN_SAMPLES = 200  # in contact without a gap
+_GAP_INTERVALS = 2.5  # of the usual interval: a longer one between two samples is a gap
+_MIN_AIR_SAMPLES = 50  # before the touch, from which on the air determines the force's zero and noise
+_VISIBLE_SIGMAS = 5.0  # of the air's noise, from which on the force is seen to have risen
+_TOUCH_DEPTH_SHARE = 0.4  # depth at 1 sigma over that at 5 sigma; (1/5)^(2/3) = 0.34 of a force by d^1.5
+_MASS_STD_SHARE = 0.05  # of the tip's mass, where no uncertainty of it is declared
+_COMPLIANCE_STD_SHARE = 0.1  # of a rig's compliance, whose uncertainty is never declared
 
 
-# Of what the run itself flags: what counts against the readings or the surface, not against the model of its track.
-_CONCERNING = {
+# Flags of the run that count against the readings or the surface, and not against the model of its track.
+_READING_FLAGS = {
     "gaps", "missing-force", "saturated", "assumed", "stuck", "duplicates", "backwards", "clock-wander", "clock-drift",
     "rate-contradicted", "wrong-stamps",
     "force-late", "velocity-late", "outliers", "calibration-old", "calibration-sensor", "calibration-tip",
@@ -56,28 +58,35 @@ class RecordedOscillation:
     flags: tuple[Flag, ...] = ()
 
     def cut(self, rows: slice) -> RecordedOscillation:
-        """Return some of its rows."""
+        """Return the recording of some of its rows."""
         return replace(self, time=self.time[rows], force=self.force[rows], height=self.height[rows])
 
 
 def read_oscillation(path: Path, track: str | None, surface: float | None = None) -> RecordedOscillation:
-    """The oscillation of a run folder, of a log that carries its pipeline, or of a pipeline file without a live device.
+    """Return the oscillation of a run folder, of a log with its pipeline, or of a pipeline file without a live device.
 
     Its samples are made again from the readings; the height of the skin is that of the track unless a `surface` [m] is
-    given. Raises UserError.
+    stated. Raises UserError.
     """
     replayed = replay(path, track)
-    samples, name = replayed.samples, replayed.track
-    known, rows = _stretch(samples, path)
-    found = replayed.surface
-    height = found.value if surface is None else surface
+    samples, rows = _longest_contact(replayed.samples, path)
+    height = replayed.surface.value if surface is None else surface
     if not math.isfinite(height):
-        raise LogError(f"{path}: {name} found no surface; give its height with --surface")
+        raise LogError(f"{path}: {replayed.track} found no surface; give its height with --surface")
+    surface_std = _surface_std(replayed.surface.combined, replayed.samples, height) if surface is None else 0.0
     return RecordedOscillation(
-        str(path), name, replayed.model, known.time[rows], known.force[rows], known.position[rows], height,
-        _surface_std(found.combined, samples, height) if surface is None else 0.0,
-        **replayed.rig, uncertainties=replayed.uncertainties, flags=replayed.flags,
-    )  # fmt: skip
+        name=str(path),
+        track=replayed.track,
+        model=replayed.model,
+        time=samples.time[rows],
+        force=samples.force[rows],
+        height=samples.position[rows],
+        surface=height,
+        surface_std=surface_std,
+        **replayed.rig,
+        uncertainties=replayed.uncertainties,
+        flags=replayed.flags,
+    )
 
 
 @dataclass(frozen=True)
@@ -88,65 +97,78 @@ class ReplayedSamples:
     model: ContactModel
     samples: Samples
     surface: UncertainValue  # that the track found
-    rig: Mapping[str, Any]  # mass, compliance and timing, as `Recorded` has them
+    rig: Mapping[str, Any]  # mass, compliance and timing, as `RecordedOscillation` has them
     uncertainties: Mapping[str, Any]
     flags: tuple[Flag, ...]  # that concern readings and surface
 
 
-def replay(path: Path, track: str | None) -> ReplayedSamples:
-    """Return a run folder, a log that carries its pipeline, or a pipeline file without a live device; raises
-    UserError."""
-    pipeline = _pipeline(path, track)
+def replay(path: Path, track_name: str | None) -> ReplayedSamples:
+    """Return the samples of a run folder, a log with its pipeline, or a pipeline file without a live device.
+
+    Without a track's name the first track counts whose model has a tip. Raises UserError.
+    """
+    pipeline = _track_pipeline(path, track_name)
     if live := [name for name, device in pipeline.devices.items() if device.live]:
         raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
     from palpate_engine import run_pipeline
 
-    kept = SampleObserver()
+    observer = SampleObserver()
     with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):
-        result = run_pipeline(pipeline, Path(folder) / "run", report_progress, kept)
+        result = run_pipeline(pipeline, Path(folder) / "run", report_progress, observer)
         result.demand_whole()
     name = next(iter(result.tracks))
-    found = result.tracks[name]
-    model = next(one.model for one in pipeline.tracks if str(one.name) == name)
-    if not kept.blocks:
+    track_result = result.tracks[name]
+    model = next(track.model for track in pipeline.tracks if str(track.name) == name)
+    if not observer.blocks:
         raise LogError(f"{path}: has no samples")
-    flags = tuple(flag for flag in (*result.flags, *found.flags) if flag.code in _CONCERNING)
+    flags = tuple(flag for flag in (*result.flags, *track_result.flags) if flag.code in _READING_FLAGS)
     return ReplayedSamples(
-        name, model, Samples.joined(kept.blocks), found.surface, _rig(pipeline), pipeline.run.uncertainties, flags
+        track=name,
+        model=model,
+        samples=Samples.joined(observer.blocks),
+        surface=track_result.surface,
+        rig=_declared_rig(pipeline),
+        uncertainties=pipeline.run.uncertainties,
+        flags=flags,
     )
 
 
-def _pipeline(path: Path, track: str | None) -> Pipeline:
-    """Return the pipeline of a recording, with the one requested track."""
+def _track_pipeline(path: Path, track_name: str | None) -> Pipeline:
+    """Return the pipeline of a pipeline file, log or run folder, with one track alone (see `_choose_track`).
+
+    Raises LogError for any other file.
+    """
     if path.suffix == ".toml":
-        name = _track(load_pipeline(path), track, path)
+        name = _choose_track(load_pipeline(path), track_name, path)
         return load_pipeline(path, [f'run.tracks=["{name}"]'])
-    carried = None
+    # A log counts before the folder of a run that has begun: it has the readings and the pipeline.
+    is_run_folder = path.is_dir() and RunFolder(path).began
+    run_log = None
     try:
-        carried = read_run_log(path)
+        run_log = read_run_log(path)
     except LogError:
-        if not (path.is_dir() and RunFolder(path).began):
+        if not is_run_folder:
             raise
-    if carried is not None:
-        name = _track(build_pipeline(replay_source(carried)), track, path)
-        return build_pipeline(replay_source(carried, [name]))
-    if not (path.is_dir() and RunFolder(path).began):
+    if run_log is not None:
+        name = _choose_track(build_pipeline(replay_source(run_log)), track_name, path)
+        return build_pipeline(replay_source(run_log, [name]))
+    if not is_run_folder:
         raise LogError(f"{path}: is neither a run folder nor a log that carries the pipeline of its run")
-    name = _track(recorded_pipeline(path), track, path)
+    name = _choose_track(recorded_pipeline(path), track_name, path)
     return recorded_pipeline(path, [f'run.tracks=["{name}"]'])
 
 
-def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
-    """Return the requested track, or the first whose model has a tip."""
+def _choose_track(pipeline: Pipeline, requested: str | None, path: Path) -> str:
+    """Return the requested track, or the first whose model has a tip; raises ConfigurationError where none has one."""
     names = [str(track.name) for track in pipeline.tracks]
-    if wanted is not None and wanted not in names:
-        raise ConfigurationError(f"{path}: has no track {wanted!r}{suggest(wanted, names)}")
-    tipped = [str(track.name) for track in pipeline.tracks if has_tip(track.model)]
-    chosen = [name for name in tipped if wanted in (None, name)]
-    if not chosen:
-        said = f"the model of {wanted}" if wanted else "no model"
-        raise ConfigurationError(f"{path}: {said} has {'no' if wanted else 'a'} tip, so that no modulus follows")
-    return chosen[0]
+    if requested is not None and requested not in names:
+        raise ConfigurationError(f"{path}: has no track {requested!r}{suggest(requested, names)}")
+    names_with_tip = [str(track.name) for track in pipeline.tracks if has_tip(track.model)]
+    candidates = [name for name in names_with_tip if requested in (None, name)]
+    if candidates:
+        return candidates[0]
+    lack = f"the model of {requested} has no" if requested else "no model has a"
+    raise ConfigurationError(f"{path}: {lack} tip, so that no modulus follows")
 
 
 def has_tip(model: ContactModel) -> bool:
@@ -154,63 +176,86 @@ def has_tip(model: ContactModel) -> bool:
     return getattr(model, "indenter", None) is not None and hasattr(model, "poisson")
 
 
-def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
-    """Samples that are meant for estimation and whole, and the longest stretch of them without a gap."""
-    whole = samples.active & np.isfinite(samples.force) & np.isfinite(samples.position)
-    known = samples[whole]
-    if len(known) < _LEAST:
-        raise LogError(f"{path}: has {len(known)} samples in contact; a spectrum needs {_LEAST}")
-    step = np.diff(known.time)
-    edges = [0, *(np.flatnonzero(step > _GAP * float(np.median(step))) + 1).tolist(), len(known)]
+def _longest_contact(samples: Samples, path: Path) -> tuple[Samples, slice]:
+    """Return the whole samples that are meant for estimation, and the rows of their longest stretch without a gap.
+
+    Raises LogError where the stretch has fewer than 200 samples.
+    """
+    is_whole = samples.active & np.isfinite(samples.force) & np.isfinite(samples.position)
+    whole = samples[is_whole]
+    if len(whole) < _MIN_SAMPLES:
+        raise LogError(f"{path}: has {len(whole)} samples in contact; a spectrum needs {_MIN_SAMPLES}")
+    intervals = np.diff(whole.time)
+    is_gap = intervals > _GAP_INTERVALS * float(np.median(intervals))
+    edges = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(whole)]
     lengths = np.diff(edges)
     longest = int(np.argmax(lengths))
-    if lengths[longest] < _LEAST:
-        raise LogError(f"{path}: its longest stretch without a gap has {lengths[longest]} samples, {_LEAST} are needed")
-    return known, slice(edges[longest], edges[longest + 1])
+    if lengths[longest] < _MIN_SAMPLES:
+        raise LogError(
+            f"{path}: its longest stretch without a gap has {lengths[longest]} samples, {_MIN_SAMPLES} are needed"
+        )
+    return whole, slice(edges[longest], edges[longest + 1])
 
 
-def _surface_std(std: float, samples: Samples, surface: float) -> float:
-    """Return the track's own uncertainty, and how far the skin lay from there when the force first showed it.
+def _surface_std(track_std: float, samples: Samples, surface: float) -> float:
+    """Return the standard uncertainty [m] of a track's surface [m]: its own, and its distance from the first touch.
 
     A track's surface is that of its model, and a relaxing material moves it by more than the track's uncertainty.
     """
-    return math.hypot(std if math.isfinite(std) else 0.0, beyond(touch_of(samples), surface))
+    finite_std = track_std if math.isfinite(track_std) else 0.0
+    return math.hypot(finite_std, excess_distance(first_touch(samples), surface))
 
 
-def beyond(touch: tuple[float, float] | None, surface: float) -> float:
-    """Return how much farther [m] a surface is from the touch than the touch allows; 0 where that is unknown."""
-    return 0.0 if touch is None else max(abs(touch[0] - surface) - touch[1], 0.0)
+def excess_distance(touch: tuple[float, float] | None, surface: float) -> float:
+    """Return how much farther [m] a surface [m] is from a touch (height, tolerance) [m] than the tolerance.
+
+    0 without a touch.
+    """
+    if touch is None:
+        return 0.0
+    height, tolerance = touch
+    return max(abs(height - surface) - tolerance, 0.0)
 
 
-def touch_of(samples: Samples) -> tuple[float, float] | None:
-    """Height of the first touch [m] and how far off the skin may be [m]; None of a record without free air.
+def first_touch(samples: Samples) -> tuple[float, float] | None:
+    """Return the height [m] of the first touch, and its tolerance [m]; None of a record without free air.
 
-    The touch is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which it is
+    The tolerance is the depth at which the force is as large as its noise: some 0.4 of the depth at which it is
     five times as large (of a force that goes with d^1.5).
     """
-    touched = np.flatnonzero(samples.contact)
-    if not len(touched) or touched[0] < _AIR:
+    contact_rows = np.flatnonzero(samples.contact)
+    if not len(contact_rows) or contact_rows[0] < _MIN_AIR_SAMPLES:
         return None
-    first = int(touched[0])
-    air = samples.force[:first][np.isfinite(samples.force[:first])]
-    if len(air) < _AIR // 2:
+    onset = int(contact_rows[0])
+    # The force in air before: its zero, and its white noise by first differences, whose variance is twice as large.
+    air_force = samples.force[:onset][np.isfinite(samples.force[:onset])]
+    if len(air_force) < _MIN_AIR_SAMPLES // 2:
         return None
-    noise = float(np.std(np.diff(air)) / math.sqrt(2))
-    risen = np.flatnonzero(samples.force[first:] - float(np.median(air)) > 5 * noise)
-    if not len(risen):
+    noise = float(np.std(np.diff(air_force)) / math.sqrt(2))
+    rise = samples.force[onset:] - float(np.median(air_force))
+    visible_rows = np.flatnonzero(rise > _VISIBLE_SIGMAS * noise)
+    if not len(visible_rows):
         return None
-    there = float(np.nanmean(samples.position[first - 1 : first + 1]))
-    return there, _RESOLVED * abs(float(samples.position[first + risen[0]]) - there)
+    height = float(np.nanmean(samples.position[onset - 1 : onset + 1]))
+    visible_depth = abs(float(samples.position[onset + visible_rows[0]]) - height)
+    return height, _TOUCH_DEPTH_SHARE * visible_depth
 
 
-def _rig(pipeline: Pipeline) -> dict[str, Any]:
-    """Mass, compliance and timing, with what is not declared of them."""
-    aligned = pipeline.alignment
-    mass, mass_std = aligned.tip_mass or 0.0, aligned.tip_mass_uncertainty
-    compliance = 1.0 / aligned.series_stiffness if aligned.series_stiffness else 0.0
-    timing = [s.uncertainty for s in (aligned.force, aligned.position) if s.uncertainty is not None]
+def _declared_rig(pipeline: Pipeline) -> dict[str, Any]:
+    """Return mass, compliance and timing of a pipeline's rig [SI], as `RecordedOscillation` names them.
+
+    Standard uncertainties that are not declared are 5 % of the mass and 10 % of the compliance.
+    """
+    alignment = pipeline.alignment
+    mass = alignment.tip_mass or 0.0
+    mass_std = alignment.tip_mass_uncertainty
+    compliance = 1.0 / alignment.series_stiffness if alignment.series_stiffness else 0.0
+    stream_delays = (alignment.force, alignment.position)
+    timing_stds = [delay.uncertainty for delay in stream_delays if delay.uncertainty is not None]
     return {
-        "tip_mass": mass, "tip_mass_std": _MASS * mass if mass_std is None else mass_std,
-        "compliance": compliance, "compliance_std": _STIFFNESS * compliance,
-        "timing": math.hypot(*timing) if timing else None,
-    }  # fmt: skip
+        "tip_mass": mass,
+        "tip_mass_std": _MASS_STD_SHARE * mass if mass_std is None else mass_std,
+        "compliance": compliance,
+        "compliance_std": _COMPLIANCE_STD_SHARE * compliance,
+        "timing": math.hypot(*timing_stds) if timing_stds else None,
+    }

@@ -6,42 +6,58 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from palpate import Floats
 from palpate_kit.figures import figure_of, legend_outside, save_figure, style
 
 from palpate_spectra.complex_moduli import ModulusLine
 from palpate_spectra.law_fits import LawFit, supported_laws
 
+_CURVE_POINTS = 200  # of a law: a choice, smooth on paper
+_CURVE_MARGIN = 1.2  # factor by which the laws are drawn beyond the measured frequencies: a choice
+_INTERVAL_SIGMAS = 1.96  # of 95 % of a normal distribution
+_LINE_STYLES = ("-", "--", ":")  # of the laws, the best first
+
 
 @style()
 def draw(lines: Sequence[ModulusLine], fits: Sequence[LawFit], path: Path) -> None:
-    """G' and G'' over frequency, and tan(delta), with 95 % intervals and the laws that the data support."""
+    """Draw G' and G'' over frequency, and tan(delta), with 95 % intervals and the laws that the data support."""
     figure, panels = figure_of(2)
     moduli, ratio = panels.ravel()
-    f = np.array([line.frequency for line in lines])
-    shear = np.array([line.shear for line in lines]) / 1e3
-    bars = {part: 1.96e-3 * np.array([line.std(of=part) for line in lines]) for part in ("storage", "loss")}
-    moduli.errorbar(f, shear.real, bars["storage"], fmt="o", markersize=3, color="C0", label="G'")
-    moduli.errorbar(f, shear.imag, bars["loss"], fmt="s", markersize=3, color="C1", label="G''")
+    frequencies = np.array([line.frequency for line in lines])
+    shear = np.array([line.shear for line in lines]) / 1e3  # [kPa]
     tan = np.array([line.loss_tangent for line in lines])
-    ratio.errorbar(f, tan, 1.96 * np.array([line.std(of="tan") for line in lines]), fmt="o", markersize=3, color="C2")
-    span = np.geomspace(f.min() / 1.2, f.max() * 1.2, 200)
-    for fit, dashes in zip(supported_laws(fits), ("-", "--", ":")):
-        late = np.exp(-2j * np.pi * span * fit.delay)
-        model = fit.law.shear_modulus(2 * np.pi * span, fit.values, lines[0].poisson) * late / 1e3
-        moduli.plot(span, model.real, dashes, color="C0", linewidth=0.8, label=fit.law.name)
-        moduli.plot(span, model.imag, dashes, color="C1", linewidth=0.8)
-        ratio.plot(span, model.imag / model.real, dashes, color="C2", linewidth=0.8)
-    positive = bool((shear.imag > 0).all() and (shear.real > 0).all())
-    moduli.set(xscale="log", yscale="log" if positive else "linear", xlabel="frequency [Hz]", ylabel="modulus [kPa]")
+    storage_bars, loss_bars = (1e-3 * _interval_half_widths(lines, part) for part in ("storage", "loss"))  # [kPa]
+    moduli.errorbar(frequencies, shear.real, storage_bars, fmt="o", markersize=3, color="C0", label="G'")
+    moduli.errorbar(frequencies, shear.imag, loss_bars, fmt="s", markersize=3, color="C1", label="G''")
+    ratio.errorbar(frequencies, tan, _interval_half_widths(lines, "tan"), fmt="o", markersize=3, color="C2")
+
+    lowest, highest = frequencies.min() / _CURVE_MARGIN, frequencies.max() * _CURVE_MARGIN
+    curve_frequencies = np.geomspace(lowest, highest, _CURVE_POINTS)
+    for fit, line_style in zip(supported_laws(fits), _LINE_STYLES):
+        delay_factor = np.exp(-2j * np.pi * curve_frequencies * fit.delay)
+        law_shear = fit.law.shear_modulus(2 * np.pi * curve_frequencies, fit.values, lines[0].poisson)
+        curve = law_shear * delay_factor / 1e3  # [kPa]
+        moduli.plot(curve_frequencies, curve.real, line_style, color="C0", linewidth=0.8, label=fit.law.name)
+        moduli.plot(curve_frequencies, curve.imag, line_style, color="C1", linewidth=0.8)
+        ratio.plot(curve_frequencies, curve.imag / curve.real, line_style, color="C2", linewidth=0.8)
+
+    is_positive = bool((shear.imag > 0).all() and (shear.real > 0).all())
+    modulus_scale = "log" if is_positive else "linear"
+    moduli.set(xscale="log", yscale=modulus_scale, xlabel="frequency [Hz]", ylabel="modulus [kPa]")
     ratio.set(xscale="log", xlabel="frequency [Hz] (bars: 95 %; lines: with the delay)", ylabel="tan(delta)")
     for axis in (moduli.xaxis, moduli.yaxis, ratio.xaxis):
-        plain(axis)
+        format_log_axis(axis)
     legend_outside(moduli)
     save_figure(figure, path)
 
 
-def plain(axis: object) -> None:
-    """Plain numbers at 1, 2 and 5 of each decade of a logarithmic axis."""
+def _interval_half_widths(lines: Sequence[ModulusLine], part: str) -> Floats:
+    """Return half the widths (n,) of the 95 % intervals of "storage" or "loss" [Pa], or of "tan"."""
+    return np.asarray(_INTERVAL_SIGMAS * np.array([line.std_of(part) for line in lines]))
+
+
+def format_log_axis(axis: object) -> None:
+    """Write plain numbers at 1, 2 and 5 of each decade of an axis, if it is logarithmic."""
     from matplotlib.axis import Axis
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

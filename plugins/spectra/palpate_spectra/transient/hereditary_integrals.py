@@ -8,51 +8,54 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
+# Choices, so that a division and a logarithm stay finite.
+_MIN_SHARE = 1e-300  # of a relaxation time in a sample
+_MIN_AGE = 1e-9  # [s] since the origin of logarithmic bins
 
-def fading_integrals(values: Floats, time: Floats, times: Floats) -> Floats:
-    """int exp(-(t - s)/tau_k) dx(s) (n, k) of values x (n,) at instants (n,) [s], for times tau (k,) [s].
 
-    Exact for values that are straight lines between the instants and 0 before the first.
+def fading_integrals(values: Floats, time: Floats, relaxation_times: Floats) -> Floats:
+    """Return int exp(-(t - s)/tau_k) dx(s) (n, k) of values x (n,) at instants t (n,) [s], for times tau (k,) [s].
+
+    Exact for values that are straight lines between the instants and 0 before the first: over an interval T the
+    integral fades by exp(-T/tau) and gains dx (1 - exp(-T/tau)) tau/T.
     """
-    found = np.zeros((len(values), len(times)))
-    turned = np.outer(np.diff(time), 1.0 / times)
-    keep = np.exp(-turned)
-    gain = -np.expm1(-turned) / np.maximum(turned, 1e-300) * np.diff(values)[:, None]
-    state = np.full(len(times), float(values[0]))
-    found[0] = state
-    for i in range(len(keep)):
-        state = keep[i] * state + gain[i]
-        found[i + 1] = state
-    return found
+    integrals = np.zeros((len(values), len(relaxation_times)))
+    share = np.outer(np.diff(time), 1.0 / relaxation_times)  # T/tau
+    fading = np.exp(-share)
+    gain = -np.expm1(-share) / np.maximum(share, _MIN_SHARE) * np.diff(values)[:, None]
+    integral = np.full(len(relaxation_times), float(values[0]))
+    integrals[0] = integral
+    for i in range(len(fading)):
+        integral = fading[i] * integral + gain[i]
+        integrals[i + 1] = integral
+    return integrals
 
 
 @dataclass(frozen=True)
 class Bins:
-    """Rows that are taken together, evenly over the logarithm of the time since a change."""
+    """Stretches of rows, one after another, over each of which a mean is taken."""
 
     begins: NDArray[np.int64]  # (m,) first row of each
-    counts: NDArray[np.int64]  # (m,)
+    counts: NDArray[np.int64]  # (m,) rows of each
 
     def means(self, values: Floats) -> Floats:
-        """Means (m, ...) of values (n, ...) over the rows of each bin."""
+        """Return the means (m, ...) of values (n, ...) over the rows of each bin."""
         end = int(self.begins[-1] + self.counts[-1])
         sums = np.add.reduceat(values[:end], self.begins, axis=0)
         return np.asarray(sums / (self.counts if values.ndim == 1 else self.counts[:, None]))
 
-    @property
-    def rows(self) -> NDArray[np.int64]:
-        """The bin of every row from the first bin's first on."""
-        return np.repeat(np.arange(len(self.begins)), self.counts)
 
+def logarithmic_bins(time: Floats, first: int, end: int, *, origin: float, per_decade: int, min_rows: int = 1) -> Bins:
+    """Return bins of the rows `first` to `end` - 1, so many a decade of the time since an origin [s].
 
-def logarithmic(time: Floats, first: int, end: int, origin: float, per_decade: int, least: int = 1) -> Bins:
-    """Bins of the rows from `first` to `end`, so many a decade of the time since an origin [s], of `least` rows."""
-    place = np.floor(per_decade * np.log10(np.maximum(time[first:end] - origin, 1e-9))).astype(int)
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(place) != 0) + 1])
-    kept = [0]
-    for begin in begins[1:].tolist():
-        if begin - kept[-1] >= least and end - first - begin >= least:
-            kept.append(begin)
-    begins = np.array(kept)
+    A bin of fewer than `min_rows` rows is joined to the one before.
+    """
+    age = np.maximum(time[first:end] - origin, _MIN_AGE)
+    bin_number = np.floor(per_decade * np.log10(age)).astype(int)
+    candidates = np.concatenate([[0], np.flatnonzero(np.diff(bin_number) != 0) + 1])
+    begins = [0]
+    for candidate in candidates[1:].tolist():
+        if candidate - begins[-1] >= min_rows and end - first - candidate >= min_rows:
+            begins.append(candidate)
     counts = np.diff(np.append(begins, end - first))
-    return Bins(first + begins, counts)
+    return Bins(first + np.array(begins), counts)

@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 from palpate import ContactModel, Flag, Floats, LogError
 from palpate_kit.numerics.holds import Hold, holds_of
 
-from palpate_spectra.complex_moduli import area
-from palpate_spectra.recorded_oscillation import ReplayedSamples, touch_of
+from palpate_spectra.recorded_oscillation import ReplayedSamples, first_touch
+from palpate_spectra.reduced_area import reduced_area
 
-_WINDOW = 0.02  # [s] of the local cubic for height and acceleration
-_AIR = 50  # samples
-_RAMP = 5  # samples from the touch to a hold
-_BEFORE = 0.2  # [s] of air before the touch that belong to the press
-_CLEAR = 2e-4  # [m] over the place of the touch that is free air for sure
+# Choices.
+_SMOOTHING_TIME = 0.02  # [s] of the local cubic for height and acceleration
+_CUBIC = 3  # degree of the local polynomial
+_MIN_WINDOW = 5  # [samples] of the local cubic, which has four coefficients
+_MIN_AIR_SAMPLES = 50  # before the touch, and after the press, from which the force's zero is determined
+_MIN_RAMP_SAMPLES = 5  # from the touch to a hold; what is held sooner is air
+_AIR_BEFORE_TOUCH = 0.2  # [s] that belongs to the press
+_AIR_CLEARANCE = 2e-4  # [m] above the touch, from which on the tip is in free air whatever the skin does
+_MEAN_BLOCKS = 10  # by whose scatter the standard deviation of a mean is estimated, so that slow noise counts
 
 
 @dataclass(frozen=True)
@@ -32,58 +36,73 @@ class RecordedPress:
     height: Floats  # (n,) [m] of the arm's tip, smoothed
     holds: tuple[Hold, ...]
     touch: float  # [m] height at the first sample in contact
-    seen: tuple[float, float] | None  # [m] height of the first touch, and how far from there the skin may be
+    first_touch: tuple[float, float] | None  # [m] height of the first touch, and its tolerance; see `first_touch`
     offset_std: float  # [N] standard uncertainty of the force's zero
     drift: float | None  # [N] that was taken off, between the air before and after; None: no air after
-    rig: Mapping[str, Any]  # as `Replayed` has it
+    rig: Mapping[str, Any]  # as `ReplayedSamples` has it
     uncertainties: Mapping[str, Any]
     flags: tuple[Flag, ...]
 
+    @property
+    def longest_hold(self) -> Hold:
+        """The hold of the most samples."""
+        return max(self.holds, key=lambda hold: hold.end - hold.begin)
+
     def depth(self, surface: float, compliance: float) -> Floats:
-        """Depth (n,) [m] of the tip under a surface [m], where arm and sensor give way by a compliance [m/N]."""
+        """Return the depth (n,) [m] of the tip under a surface [m], with arm and sensor of a compliance [m/N]."""
         return surface - self.height - compliance * self.force
 
     def area(self, surface: float, compliance: float) -> Floats:
-        """Area A(d) c(d) (n,) [m^2] of the tip in the reduced plane."""
-        return area(self.model, self.depth(surface, compliance))
+        """Return the area A(d) c(d) (n,) [m^2] of the tip in the reduced plane (`reduced_area`)."""
+        return reduced_area(self.model, self.depth(surface, compliance))
 
 
 def longest_press(replayed: ReplayedSamples, name: str) -> RecordedPress:
-    """Return the longest contact of a recording, up to the end of its last hold; raises LogError where nothing is
-    held."""
-    from scipy.signal import savgol_filter
+    """Return the longest contact of a recording of a name, up to the end of its last hold.
 
+    The force is freed of the tip's inertia, and of zero and drift by the air before and after. Raises LogError where
+    the tip never touches, the record begins in contact, or nothing is held.
+    """
     samples = replayed.samples[np.isfinite(replayed.samples.force) & np.isfinite(replayed.samples.position)]
-    first, last = _longest(samples.contact, name)
-    time, step = samples.time, float(np.median(np.diff(samples.time)))
-    window = max(2 * round(_WINDOW / step / 2) + 1, 5)
-    height = np.asarray(savgol_filter(samples.position, window, 3), np.float64)
-    bend = np.asarray(savgol_filter(samples.position, window, 3, deriv=2, delta=step), np.float64)
-    force = samples.force + float(replayed.rig["tip_mass"]) * bend
-    touch = float(samples.position[first])
-    begin = max(first - round(_BEFORE / step), 0)
-    before, after = _air(samples.contact, samples.position, begin, last, touch)
-    if len(before) < _AIR:
+    onset, contact_end = _longest_contact(samples.contact, name)
+    interval = float(np.median(np.diff(samples.time)))
+    first = max(onset - round(_AIR_BEFORE_TOUCH / interval), 0)
+    touch = float(samples.position[onset])
+
+    height, acceleration = _smooth_motion(samples.position, interval)
+    force = samples.force + float(replayed.rig["tip_mass"]) * acceleration
+    air_before = np.flatnonzero(~samples.contact[:first])
+    is_clear = ~samples.contact & (samples.position > touch + _AIR_CLEARANCE)
+    air_after = contact_end + np.flatnonzero(is_clear[contact_end:])
+    if len(air_before) < _MIN_AIR_SAMPLES:
         raise LogError(f"{name}: begins in contact, or nearly so; without its ramp a hold does not determine E(t)")
-    zero, offset_std, drift = _zero(time, force, before, after)
-    rows = slice(begin, last)
-    contact = force - zero
+    zero, offset_std, drift = _force_zero(samples.time, force, air_before, air_after)
+    contact_force = force - zero
+
+    rows = slice(first, contact_end)
     # By the heights as they were read: of smoothed ones the noise, and so the band of what is held, would be too small.
-    holds = holds_of(time[rows], np.maximum(touch - samples.position[rows], 0.0), contact[rows])
-    found = [hold for hold in holds if hold.begin >= first - begin + _RAMP]  # air is steady, too
-    if not found:
-        raise LogError(f"{name}: nothing is held: neither depth nor force is steady for half a second in contact")
-    end = found[-1].end
-    if found[0].kind == "creep":  # of one force, however often it left its band
-        found = [Hold("creep", found[0].begin, end)]
+    read_depth = np.maximum(touch - samples.position[rows], 0.0)
+    holds = _holds_in_contact(samples.time[rows], read_depth, contact_force[rows], onset - first, name)
+    end = holds[-1].end
     return RecordedPress(
-        name, replayed.model, time[rows][:end], contact[rows][:end], height[rows][:end], tuple(found), touch,
-        touch_of(samples), offset_std, drift, replayed.rig, replayed.uncertainties, replayed.flags,
-    )  # fmt: skip
+        name=name,
+        model=replayed.model,
+        time=samples.time[rows][:end],
+        force=contact_force[rows][:end],
+        height=height[rows][:end],
+        holds=tuple(holds),
+        touch=touch,
+        first_touch=first_touch(samples),
+        offset_std=offset_std,
+        drift=drift,
+        rig=replayed.rig,
+        uncertainties=replayed.uncertainties,
+        flags=replayed.flags,
+    )
 
 
-def _longest(contact: NDArray[np.bool_], name: str) -> tuple[int, int]:
-    """First row and the row after the last of the longest contact."""
+def _longest_contact(contact: NDArray[np.bool_], name: str) -> tuple[int, int]:
+    """Return the first row and the row after the last of the longest contact; raises LogError without a contact."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], contact.astype(np.int8), [0]])))
     if not len(edges):
         raise LogError(f"{name}: the tip never touches")
@@ -92,30 +111,50 @@ def _longest(contact: NDArray[np.bool_], name: str) -> tuple[int, int]:
     return int(begins[longest]), int(ends[longest])
 
 
-def _air(
-    contact: NDArray[np.bool_], height: Floats, begin: int, last: int, touch: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows in free air before and after a contact."""
-    free = ~contact & (height > touch + _CLEAR)
-    before, after = np.flatnonzero(~contact[:begin]), last + np.flatnonzero(free[last:])
-    return before, after
+def _smooth_motion(position: Floats, interval: float) -> tuple[Floats, Floats]:
+    """Return height (n,) [m] and acceleration (n,) [m/s^2] of positions at an interval [s], by local cubics."""
+    from scipy.signal import savgol_filter
+
+    window = max(2 * round(_SMOOTHING_TIME / interval / 2) + 1, _MIN_WINDOW)
+    height = savgol_filter(position, window, _CUBIC)
+    acceleration = savgol_filter(position, window, _CUBIC, deriv=2, delta=interval)
+    return np.asarray(height, np.float64), np.asarray(acceleration, np.float64)
 
 
-def _zero(
-    time: Floats, force: Floats, before: NDArray[np.int64], after: NDArray[np.int64]
+def _holds_in_contact(time: Floats, depth: Floats, force: Floats, onset: int, name: str) -> list[Hold]:
+    """Return the holds of a press (n,) after the row of its touch; raises LogError where nothing is held.
+
+    A creep is a single hold, however often the force has left its band.
+    """
+    # Air before the touch is steady, too.
+    holds = [hold for hold in holds_of(time, depth, force) if hold.begin >= onset + _MIN_RAMP_SAMPLES]
+    if not holds:
+        raise LogError(f"{name}: nothing is held: neither depth nor force is steady for half a second in contact")
+    if holds[0].kind == "creep":
+        return [Hold("creep", holds[0].begin, holds[-1].end)]
+    return holds
+
+
+def _force_zero(
+    time: Floats, force: Floats, air_before: NDArray[np.int64], air_after: NDArray[np.int64]
 ) -> tuple[Floats, float, float | None]:
-    """Return the force's zero (n,) [N], its standard uncertainty, and its drift where there is air after the
-    contact."""
-    mean, std = _mean(force[before])
-    if len(after) < _AIR:
-        return np.full(len(time), mean), std, None
-    later, later_std = _mean(force[after])
-    here, there = float(time[before].mean()), float(time[after].mean())
-    drift = later - mean
-    return mean + drift * (time - here) / (there - here), float(np.hypot(std, later_std) / 2**0.5), drift
+    """Return the force's zero (n,) [N], its standard uncertainty [N], and its drift [N] from one air to the other.
+
+    `air_before` and `air_after` are the rows of free air before and after the contact. The zero is a straight line
+    through both means; with too little air after the contact it is the mean before, and the drift None.
+    """
+    mean_before, std_before = _mean_with_std(force[air_before])
+    if len(air_after) < _MIN_AIR_SAMPLES:
+        return np.full(len(time), mean_before), std_before, None
+    mean_after, std_after = _mean_with_std(force[air_after])
+    time_before, time_after = float(time[air_before].mean()), float(time[air_after].mean())
+    drift = mean_after - mean_before
+    zero = mean_before + drift * (time - time_before) / (time_after - time_before)
+    root_mean_square_std = float(np.hypot(std_before, std_after) / 2**0.5)
+    return zero, root_mean_square_std, drift
 
 
-def _mean(values: Floats) -> tuple[float, float]:
-    """Mean and its standard deviation, by the scatter of ten blocks."""
-    blocks = [float(block.mean()) for block in np.array_split(values, 10)]
-    return float(values.mean()), float(np.std(blocks, ddof=1) / np.sqrt(10))
+def _mean_with_std(values: Floats) -> tuple[float, float]:
+    """Return the mean of values (n,) and its standard deviation, by the scatter of the means of ten blocks."""
+    block_means = [float(block.mean()) for block in np.array_split(values, _MEAN_BLOCKS)]
+    return float(values.mean()), float(np.std(block_means, ddof=1) / np.sqrt(_MEAN_BLOCKS))
