@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_surfaces() -> dict[str, str]:
-    """Surfaces."""
+    """Return the surfaces by their types."""
     return {
         "plane": "palpate_surfaces.plane:Plane",
         "half-ellipsoid": "palpate_surfaces.half_ellipsoid:HalfEllipsoid",
@@ -27,7 +27,7 @@ def palpate_surfaces() -> dict[str, str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Registration of a mesh."""
+    """Return the commands that register a mesh."""
     return {
         "calibrate surface": Command(
             "palpate_surfaces.surface_command:surface", "Register a mesh by touches.", "hardware"

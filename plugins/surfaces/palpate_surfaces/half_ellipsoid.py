@@ -8,11 +8,12 @@ import numpy as np
 from palpate import Angle, Depth, Floats, Length, Surface, SurfacePoints
 from pydantic import Field
 
-_TURNS = 60  # of Newton's method; some ten do for places near the skin
-_CLOSE = 1e-14  # of the parameter's scale
-_OFF_AXIS = 1e-9  # [m]
-_DEEP = 0.5  # of the least radius of curvature: further in, another side may be as near
-_INSIDE, _BELOW, _BESIDE = "too deep inside the ellipsoid", "below the rim of the ellipsoid", "off the ellipsoid"
+# Choices.
+_MAX_NEWTON_STEPS = 60  # some ten do for places near the skin
+_CONVERGED_SHARE = 1e-14  # of the largest a_i^2, the scale of t: the resolution of a double
+_MIN_OFF_AXIS = 1e-9  # [m]: on an axis the nearest point may be one of two
+_MAX_DEPTH_SHARE = 0.5  # of the least radius of curvature: deeper inside, another side may be as near
+_INSIDE, _BELOW_RIM, _OFF = "too deep inside the ellipsoid", "below the rim of the ellipsoid", "off the ellipsoid"
 
 
 class HalfEllipsoid(Surface):
@@ -36,10 +37,12 @@ class HalfEllipsoid(Surface):
 
     @property
     def _squares(self) -> Floats:
+        """Squares a_i^2 (3,) [m^2] of the half axes."""
         return np.array(self.half_axes) ** 2
 
     @property
-    def _middle(self) -> Floats:
+    def _origin(self) -> Floats:
+        """Centre (3,) [m] in the work frame."""
         return np.array((0.0, 0.0, -self.half_axes[2]) if self.centre is None else self.centre)
 
     @property
@@ -50,52 +53,60 @@ class HalfEllipsoid(Surface):
 
     def nearest(self, places: Floats) -> SurfacePoints:
         """Return the feet of the perpendiculars from places (n, 3) [m]."""
-        own = (places - self._middle) @ self._axes.T
-        foot = self._foot(own)
-        out = foot / self._squares
-        height = np.sum((own - foot) * out, axis=1) / np.linalg.norm(out, axis=1)
-        points = self._points(foot, height)
-        unknown = {int(row): _BELOW for row in np.flatnonzero(foot[:, 2] < 0.0)}
-        unknown |= {int(row): _INSIDE for row in np.flatnonzero(height < -_DEEP / points.curvature[:, 0])}
+        local = (places - self._origin) @ self._axes.T
+        foot = self._nearest_foot(local)
+        gradient = foot / self._squares
+        height = np.sum((local - foot) * gradient, axis=1) / np.linalg.norm(gradient, axis=1)
+        points = self._surface_points(foot, height)
+        unknown = {int(row): _BELOW_RIM for row in np.flatnonzero(foot[:, 2] < 0.0)}
+        unknown |= {int(row): _INSIDE for row in np.flatnonzero(height < -_MAX_DEPTH_SHARE / points.curvature[:, 0])}
         return points.without(unknown) if unknown else points
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """Return the points over x and y (n, 2) [m]."""
-        own = (np.column_stack([lateral, np.zeros(len(lateral))]) - [*self._middle[:2], 0.0]) @ self._axes.T
-        left = 1.0 - np.sum(own[:, :2] ** 2 / self._squares[:2], axis=1)
-        own[:, 2] = self.half_axes[2] * np.sqrt(np.maximum(left, 0.0))
-        unknown = {int(row): _BESIDE for row in np.flatnonzero(~(left >= 0.0))}
-        points = self._points(own, np.zeros(len(own)))
+        local = (np.column_stack([lateral, np.zeros(len(lateral))]) - [*self._origin[:2], 0.0]) @ self._axes.T
+        # z'^2/c^2 of the ellipsoid at these x' and y'; negative off it.
+        share = 1.0 - np.sum(local[:, :2] ** 2 / self._squares[:2], axis=1)
+        local[:, 2] = self.half_axes[2] * np.sqrt(np.maximum(share, 0.0))
+        unknown = {int(row): _OFF for row in np.flatnonzero(~(share >= 0.0))}
+        points = self._surface_points(local, np.zeros(len(local)))
         return points.without(unknown) if unknown else points
 
-    def _foot(self, own: Floats) -> Floats:
-        """Points (n, 3) of the whole ellipsoid nearest to points (n, 3), both about its centre and in its axes."""
+    def _nearest_foot(self, local: Floats) -> Floats:
+        """Return the points q (n, 3) of the whole ellipsoid nearest to points p (n, 3), both in its own frame.
+
+        q_i = a_i^2 p_i/(a_i^2 + t), where t solves g(t) = sum (a_i p_i/(a_i^2 + t))^2 = 1 (Eberly 2013).
+        """
         squares = self._squares
-        own = np.where(np.abs(own) < _OFF_AXIS, _OFF_AXIS, own)  # on an axis it may have two
-        t = (np.abs(own) * np.sqrt(squares) - squares).max(axis=1)  # here the sum is 1 or more, and it falls with t
-        for _ in range(_TURNS):
-            below = squares + t[:, None]
-            terms = squares * own**2 / below**2
-            step = (terms.sum(axis=1) - 1.0) / (2.0 * (terms / below).sum(axis=1))
+        local = np.where(np.abs(local) < _MIN_OFF_AXIS, _MIN_OFF_AXIS, local)
+        # Here g is 1 or more; it falls with t and is convex, so that Newton's steps never go beyond the solution.
+        t = (np.abs(local) * np.sqrt(squares) - squares).max(axis=1)
+        for _ in range(_MAX_NEWTON_STEPS):
+            denominator = squares + t[:, None]
+            terms = squares * local**2 / denominator**2
+            step = (terms.sum(axis=1) - 1.0) / (2.0 * (terms / denominator).sum(axis=1))
             t = t + step
-            if np.abs(step).max(initial=0.0) <= _CLOSE * squares.max():
+            if np.abs(step).max(initial=0.0) <= _CONVERGED_SHARE * squares.max():
                 break
-        return np.asarray(squares * own / (squares + t[:, None]))
+        return np.asarray(squares * local / (squares + t[:, None]))
 
-    def _curvature(self, foot: Floats) -> Floats:
-        """Principal curvatures (n, 2) [1/m], the larger first."""
-        inverse = 1.0 / self._squares
-        out = foot * inverse
-        size = np.linalg.norm(out, axis=1)
-        mean = (inverse.sum() - np.sum(out**2 * inverse, axis=1) / size**2) / (2.0 * size)
-        apart = np.sqrt(np.maximum(mean**2 - inverse.prod() / size**4, 0.0))
-        return np.column_stack([mean + apart, mean - apart])
+    def _principal_curvatures(self, foot: Floats) -> Floats:
+        """Return the principal curvatures (n, 2) [1/m] at feet (n, 3), the larger first: H +- sqrt(H^2 - K)."""
+        inverse_squares = 1.0 / self._squares
+        gradient = foot * inverse_squares
+        length = np.linalg.norm(gradient, axis=1)
+        along_normal = np.sum(gradient**2 * inverse_squares, axis=1) / length**2  # n D n
+        mean_curvature = (inverse_squares.sum() - along_normal) / (2.0 * length)
+        gaussian_curvature = inverse_squares.prod() / length**4
+        half_difference = np.sqrt(np.maximum(mean_curvature**2 - gaussian_curvature, 0.0))
+        return np.column_stack([mean_curvature + half_difference, mean_curvature - half_difference])
 
-    def _points(self, foot: Floats, height: Floats) -> SurfacePoints:
-        count, out, curvature = len(foot), foot / self._squares, self._curvature(foot)
+    def _surface_points(self, foot: Floats, height: Floats) -> SurfacePoints:
+        """Return the points of the surface at feet (n, 3) of its own frame, with heights (n,) [m] over them."""
+        count, gradient, curvature = len(foot), foot / self._squares, self._principal_curvatures(foot)
         return SurfacePoints(
-            position=foot @ self._axes + self._middle,
-            normal=(out / np.linalg.norm(out, axis=1)[:, None]) @ self._axes,
+            position=foot @ self._axes + self._origin,
+            normal=(gradient / np.linalg.norm(gradient, axis=1)[:, None]) @ self._axes,
             height=height,
             curvature=curvature,
             position_std=np.full(count, self.position_uncertainty),

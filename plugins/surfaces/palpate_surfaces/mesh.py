@@ -15,9 +15,10 @@ from palpate_surfaces.mesh_file import read_mesh
 from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.registration_file import file_digest, read_registration
 
-_UPWARDS = math.cos(math.radians(60.0))  # of an open mesh as a whole against z
-_STEEP = math.cos(math.radians(80.0))
-_STEPS = 2
+# Choices.
+_MIN_UPWARD_COSINE = math.cos(math.radians(60.0))  # between z and the mean normal of an open mesh
+_MIN_NORMAL_Z = math.cos(math.radians(80.0))  # of a point that is looked at from above
+_REFINEMENTS = 2  # of a point from above, as the smooth surface lies off the triangles
 
 
 class Mesh(Surface):
@@ -56,15 +57,21 @@ class Mesh(Surface):
     )
 
     @model_validator(mode="after")
-    def _outwards(self) -> Any:
+    def _check_outwards(self) -> Any:
+        """Raise ValueError for a mesh whose normals point inwards, or an open one that does not look along z."""
         triangles = self.body.triangles
-        if triangles.is_watertight and triangles.volume < 0:
-            raise ValueError(f"{self.file}: its normals point inwards (a volume of {1e6 * triangles.volume:.3g} cm^3)")
-        mean = self.pose.matrix @ (triangles.face_normals * triangles.area_faces[:, None]).sum(axis=0)
-        if not triangles.is_watertight and mean[2] < _UPWARDS * float(np.linalg.norm(mean)):
-            axis = int(np.argmax(np.abs(mean)))
-            look = f"look along {'-' if mean[axis] < 0 else ''}{'xyz'[axis]} of the work frame, whose z is out of the"
-            if look.startswith("look along -z"):
+        if triangles.is_watertight:
+            if triangles.volume < 0:
+                raise ValueError(
+                    f"{self.file}: its normals point inwards (a volume of {1e6 * triangles.volume:.3g} cm^3)"
+                )
+            return self
+        normal_sum = self.pose.matrix @ (triangles.face_normals * triangles.area_faces[:, None]).sum(axis=0)
+        if normal_sum[2] < _MIN_UPWARD_COSINE * float(np.linalg.norm(normal_sum)):
+            axis = int(np.argmax(np.abs(normal_sum)))
+            direction = f"{'-' if normal_sum[axis] < 0 else ''}{'xyz'[axis]}"
+            look = f"look along {direction} of the work frame, whose z is out of the"
+            if direction == "-z":
                 reason = f"normals point inwards: on average they {look} material; turn the triangles round, or state"
             else:
                 reason = f"normals {look} material, on average: is it y-up, or mirrored? State"
@@ -78,64 +85,90 @@ class Mesh(Surface):
 
     @cached_property
     def pose(self) -> UncertainPose:
-        """Where it stands, with its covariance."""
+        """Pose of the body in the work frame, registered or stated, with its covariance."""
         if self.registration is not None:
             return read_registration(self.registration, file_digest(self.file)).pose
-        stated = UncertainPose(np.array(self.rotation), np.array(self.position), np.zeros(3), np.eye(6))
+        rotation, translation = np.array(self.rotation), np.array(self.position)
         variances = np.repeat([self.position_uncertainty**2, self.rotation_uncertainty**2], 3)
-        pivot = stated.outwards(self.body.middle[None])[0]
-        return UncertainPose(stated.rotation, stated.translation, pivot, np.diag(variances))
+        without_pivot = UncertainPose(rotation, translation, np.zeros(3), np.eye(6))
+        pivot = without_pivot.outwards(self.body.middle[None])[0]
+        return UncertainPose(rotation, translation, pivot, np.diag(variances))
 
     def nearest(self, places: Floats) -> SurfacePoints:
-        """Points of the triangles nearest to places (n, 3) [m]."""
+        """Return the points of the triangles nearest to places (n, 3) [m]."""
         feet, faces = self.body.nearest(self.pose.inwards(places))
-        beyond = np.flatnonzero(self.body.on_the_rim(feet, faces))
-        return points_of(
-            self.pose, self, places, feet, faces, {int(row): "beyond the rim of the mesh" for row in beyond}
-        )
+        beyond_rim = np.flatnonzero(self.body.on_the_rim(feet, faces))
+        unknown = {int(row): "beyond the rim of the mesh" for row in beyond_rim}
+        return mesh_points(self.pose, self, places, feet, faces, unknown)
 
-    def _below(self, places: Floats, unknown: dict[int, str]) -> SurfacePoints:
+    def _nearest_known(self, places: Floats, unknown: dict[int, str]) -> SurfacePoints:
+        """Return the points nearest to places (n, 3) [m], except in rows that are unknown already."""
         feet, faces = self.body.nearest(self.pose.inwards(places))
-        return points_of(self.pose, self, places, feet, faces, unknown)
+        return mesh_points(self.pose, self, places, feet, faces, unknown)
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
-        """Points of the triangles at x and y (n, 2) [m], looked at from above."""
-        top = float(self.pose.outwards(self.body.triangles.vertices)[:, 2].max()) + self.body.size
-        above = self.pose.inwards(np.column_stack([lateral, np.full(len(lateral), top)]))
-        down = self.pose.matrix.T @ [0.0, 0.0, -1.0]
-        feet, faces = self.body.first_along(above, down)
+        """Return the points of the triangles at x and y (n, 2) [m], looked at from above."""
+        # Rays downwards, from above the whole body.
+        start_height = float(self.pose.outwards(self.body.triangles.vertices)[:, 2].max()) + self.body.size
+        starts = self.pose.inwards(np.column_stack([lateral, np.full(len(lateral), start_height)]))
+        downwards = self.pose.matrix.T @ [0.0, 0.0, -1.0]
+        feet, faces = self.body.first_along(starts, downwards)
         unknown = {int(row): "no mesh at this x and y" for row in np.flatnonzero(faces < 0)}
+        # The smooth surface lies off the triangles, within which it curves.
         places = self.pose.outwards(feet)
-        for _ in range(_STEPS):  # the surface lies off the triangles, within which it curves
-            points = self._below(places, unknown)
+        for _ in range(_REFINEMENTS):
+            points = self._nearest_known(places, unknown)
             places[:, 2] -= np.nan_to_num(points.height / points.normal[:, 2])
-        points = self._below(places, unknown)
-        steep = np.flatnonzero(points.normal[:, 2] < _STEEP)
-        return points.without({int(row): "the mesh is too steep there to be looked at from above" for row in steep})
+        points = self._nearest_known(places, unknown)
+        steep_rows = np.flatnonzero(points.normal[:, 2] < _MIN_NORMAL_Z)
+        return points.without(
+            {int(row): "the mesh is too steep there to be looked at from above" for row in steep_rows}
+        )
 
 
-def points_of(
+def mesh_points(
     pose: UncertainPose, mesh: Mesh, places: Floats, feet: Floats, faces: Faces, unknown: dict[int, str]
 ) -> SurfacePoints:
-    """What is known of a mesh at a pose, below places (n, 3), at feet (n, 3) of its own frame; NaN in unknown rows."""
-    turn, count = pose.matrix, len(feet)
-    points = _nothing_known(count, unknown)
+    """Return the surface of a mesh at a pose around feet (n, 3) on its triangles (n,), with heights of places (n, 3).
+
+    Feet [m] are in the mesh's frame, places [m] in the work frame. Rows that are `unknown`, with a reason each, have
+    NaN.
+    """
+    matrix, count = pose.matrix, len(feet)
+    points = _unknown_points(count, unknown)
     rows = np.array([row for row in range(count) if row not in unknown], np.int64)
     if not len(rows):
         return points
     patches = mesh.body.patches(feet[rows], faces[rows])
-    position, normal = pose.outwards(patches.position), patches.normal @ turn.T
+    position, normal = pose.outwards(patches.position), patches.normal @ matrix.T
+    # Pose, shape of the body, and scatter of its vertices.
     variance = pose.position_variance(position, normal) + mesh.shape_uncertainty**2 + patches.scatter**2
-    turned = pose.normal_covariance(position, normal, turn @ patches.shape @ turn.T)
-    turned += turn @ patches.normal_covariance @ turn.T
-    points.position[rows], points.normal[rows] = position, normal
+    normal_covariance = pose.normal_covariance(position, normal, matrix @ patches.shape @ matrix.T)
+    normal_covariance += matrix @ patches.normal_covariance @ matrix.T
+    points.position[rows] = position
+    points.normal[rows] = normal
     points.height[rows] = np.einsum("ij,ij->i", places[rows] - position, normal)
     points.position_std[rows] = np.sqrt(variance)
-    points.normal_std[rows] = np.sqrt(np.linalg.eigvalsh(turned)[:, -1])
-    points.curvature[rows], points.curvature_std[rows] = patches.curvature, patches.curvature_std
+    points.normal_std[rows] = np.sqrt(np.linalg.eigvalsh(normal_covariance)[:, -1])  # in its worst direction
+    points.curvature[rows] = patches.curvature
+    points.curvature_std[rows] = patches.curvature_std
     return points
 
 
-def _nothing_known(count: int, unknown: dict[int, str]) -> SurfacePoints:
-    vector, pair, one = (np.full(shape, np.nan) for shape in ((count, 3), (count, 2), (count,)))
-    return SurfacePoints(vector, vector.copy(), one, pair, one.copy(), one.copy(), pair.copy(), unknown)
+def _unknown_points(count: int, unknown: dict[int, str]) -> SurfacePoints:
+    """Return points of NaN, with the reasons of rows that are unknown."""
+
+    def missing(*width: int) -> Floats:
+        """Return NaN (count, *width)."""
+        return np.full((count, *width), np.nan)
+
+    return SurfacePoints(
+        position=missing(3),
+        normal=missing(3),
+        height=missing(),
+        curvature=missing(2),
+        position_std=missing(),
+        normal_std=missing(),
+        curvature_std=missing(2),
+        unknown=unknown,
+    )

@@ -8,7 +8,7 @@ import numpy as np
 from palpate import Angle, Depth, Floats, Length, Surface, SurfacePoints
 from pydantic import Field
 
-_STEEPEST = math.radians(60.0)
+_MAX_TILT = math.radians(60.0)  # a choice
 
 
 class Plane(Surface):
@@ -19,8 +19,8 @@ class Plane(Surface):
     """
 
     height: Length = Field(default=0.0, description="height at the origin of the work frame")
-    tilt_x: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive x")
-    tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
+    tilt_x: Angle = Field(default=0.0, ge=-_MAX_TILT, le=_MAX_TILT, description="rise towards positive x")
+    tilt_y: Angle = Field(default=0.0, ge=-_MAX_TILT, le=_MAX_TILT, description="rise towards positive y")
     height_uncertainty: Depth = Field(
         default=0.5e-3, ge=0, description="standard uncertainty of the height at the origin, along the normal"
     )
@@ -30,6 +30,7 @@ class Plane(Surface):
 
     @property
     def _slope(self) -> Floats:
+        """(2,) dz/dx and dz/dy."""
         return np.array([math.tan(self.tilt_x), math.tan(self.tilt_y)])
 
     def nearest(self, places: Floats) -> SurfacePoints:
@@ -37,14 +38,15 @@ class Plane(Surface):
         normal = np.array([*-self._slope, 1.0])
         normal /= np.linalg.norm(normal)
         height = (places - [0.0, 0.0, self.height]) @ normal
-        return self._points(places - height[:, None] * normal, height)
+        return self._surface_points(places - height[:, None] * normal, height)
 
     def uppermost(self, lateral: Floats) -> SurfacePoints:
         """Return the points at x and y (n, 2) [m]."""
         position = np.column_stack([lateral, self.height + lateral @ self._slope])
-        return self._points(position, np.zeros(len(lateral)))
+        return self._surface_points(position, np.zeros(len(lateral)))
 
-    def _points(self, position: Floats, height: Floats) -> SurfacePoints:
+    def _surface_points(self, position: Floats, height: Floats) -> SurfacePoints:
+        """Return the points of the plane at positions (n, 3), with heights (n,) [m] of the places over them."""
         count = len(position)
         normal = np.array([*-self._slope, 1.0])
         from_origin = np.linalg.norm(position - [0.0, 0.0, self.height], axis=1)

@@ -1,4 +1,4 @@
-"""Registration: the pose of a mesh from touches, on top of what was known of it, and the directions they leave open."""
+"""Registration: the pose of a mesh by touches and its pose before, and the directions that touches leave open."""
 
 from __future__ import annotations
 
@@ -11,29 +11,33 @@ from palpate_kit.kinematics.rotations import rotation_matrix, rotation_vector
 from palpate_kit.numerics.least_squares import least_squares
 from palpate_kit.numerics.normal_equations import scaled_inverse
 
-from palpate_surfaces.mesh import Mesh, points_of
+from palpate_surfaces.mesh import Mesh, mesh_points
 from palpate_surfaces.pose import UncertainPose
 from palpate_surfaces.touches import Touches
 
-FEWEST = 6  # touches
-FARTHEST = 3.0  # standard deviations
-_UNLIKELY = 0.01  # probability of residuals so large, below which the covariance grows with them
-_OPEN = 0.9  # of the prior's standard deviation, above which touches have determined next to nothing
-_LEAST_LEFT = 1e-6  # of its variance, in the residual of a touch that determines a direction alone
-_TURN = 0.1  # [rad] of a turn, as large as a shift of that share of the body's size
+# Choices (0265).
+MIN_TOUCHES = 6
+MAX_DEVIATION = 3.0  # standard deviations of a touch from the surface
+_REJECTION_LEVEL = 0.01  # probability of residuals so large, below which the covariance grows with them (Birge 1932)
+_OPEN_SHARE = 0.9  # of the prior's standard deviation: a direction that keeps more is open
+_MIN_VARIANCE_SHARE = 1e-6  # of its variance, in the residual of a touch that determines a direction alone
+_SHIFT_SHARE = 0.1  # of a shift: a turn that moves the body's ends by less is named a shift
+_SMALL_ANGLE = 1e-6  # [rad] below which the series of the left Jacobian is exact to a double
+_MAX_ITERATIONS = 100  # of least squares
+_COST_GAIN = 1e-8  # relative, below which least squares have converged
 
 
 @dataclass(frozen=True)
 class RegisteredPose:
-    """A pose after touches, and how they agree with it."""
+    """A pose after touches, and the touches' agreement with it."""
 
     pose: UncertainPose
     distance: Floats  # (n,) [m] of the touches above the surface
     deviation: Floats  # (n,) the same over its standard deviation
     probability: float  # of distances as large together, where the touches' uncertainties are right
-    scale: float  # by which the covariance was multiplied, 1 where they agree
-    open: tuple[str, ...]  # directions in which the pose is what it was before
-    beyond: tuple[int, ...]  # touches that are beyond the mesh's rim
+    scale: float  # factor of the covariance for residuals that are too large; 1 where they agree
+    open: tuple[str, ...]  # directions in which the touches leave the pose as it was before
+    beyond: tuple[int, ...]  # rows of touches beyond the mesh's rim
 
     @property
     def residual(self) -> float:
@@ -42,7 +46,7 @@ class RegisteredPose:
 
 
 def distances(mesh: Mesh, touches: Touches) -> tuple[Floats, Floats]:
-    """Distances (n,) [m] of touches from a mesh as it is known, and their standard deviations (n,)."""
+    """Return the distances (n,) [m] of touches from a mesh at its prior pose, and their standard deviations (n,)."""
     points = _points_at(mesh, mesh.pose, touches.centre)
     return points.height - touches.radius, np.hypot(points.position_std, touches.std)
 
@@ -56,120 +60,151 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     """
     search = _PoseSearch.of(mesh, touches)
     unknowns = search.minimum()
-    residual, slopes = search.scaled(unknowns)
-    inner = scaled_inverse(slopes.T @ slopes + np.eye(6))
+    residual, jacobian = search.scaled_distances(unknowns)
+    covariance = scaled_inverse(jacobian.T @ jacobian + np.eye(6))  # in standard deviations of the prior
+
+    # Residuals that are too large together widen the covariance.
     chi_square = float(residual @ residual + unknowns @ unknowns)
     probability = _chi_square_tail(chi_square, len(touches))
-    scale = chi_square / len(touches) if probability < _UNLIKELY else 1.0
-    by = search.root @ unknowns
-    turns = np.eye(6)  # of the body as it is now, in place of growth of the rotation vector
-    turns[3:, 3:] = _left_jacobian(by[3:])
-    spread = turns @ search.root
-    pose = replace(moved(mesh.pose, by), covariance=scale * spread @ inner @ spread.T)
-    left = 1.0 - np.einsum("ni,ij,nj->n", slopes, inner, slopes)  # of a touch's own variance, in its residual
-    beyond = mesh.body.on_the_rim(*mesh.body.nearest(pose.inwards(touches.centre)))
+    scale = chi_square / len(touches) if probability < _REJECTION_LEVEL else 1.0
+
+    # Turns count of the body at its new pose, in place of changes of the rotation vector.
+    displacement = search.prior_factor @ unknowns
+    body_turns = np.eye(6)
+    body_turns[3:, 3:] = _left_jacobian(displacement[3:])
+    factor = body_turns @ search.prior_factor
+    pose = replace(moved(mesh.pose, displacement), covariance=scale * factor @ covariance @ factor.T)
+
+    # Share of a touch's own variance that its residual still has after the fit.
+    variance_share = 1.0 - np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)
+    is_beyond_rim = mesh.body.on_the_rim(*mesh.body.nearest(pose.inwards(touches.centre)))
     return RegisteredPose(
         pose=pose,
         distance=residual * search.std,
-        deviation=residual / np.sqrt(np.maximum(left, _LEAST_LEFT)),
+        deviation=residual / np.sqrt(np.maximum(variance_share, _MIN_VARIANCE_SHARE)),
         probability=probability,
         scale=scale,
-        open=_open_directions(mesh, inner, search.root),
-        beyond=tuple(np.flatnonzero(beyond).tolist()),
+        open=_open_directions(mesh, covariance, search.prior_factor),
+        beyond=tuple(np.flatnonzero(is_beyond_rim).tolist()),
     )
 
 
 @dataclass(frozen=True)
 class _PoseSearch:
-    """Least squares over displacement and turn, in standard deviations of what was known before."""
+    """Least squares over displacement and turn (6,), in standard deviations of the pose before the touches."""
 
     mesh: Mesh
     touches: Touches
-    root: Floats  # (6, 6) Cholesky's factor of the pose's covariance
+    prior_factor: Floats  # (6, 6) Cholesky's factor of the pose's covariance
     std: Floats  # (n,) [m] of a touch, with the body's shape
 
     @classmethod
     def of(cls, mesh: Mesh, touches: Touches) -> _PoseSearch:
-        root = np.asarray(np.linalg.cholesky(mesh.pose.covariance), np.float64)
-        return cls(mesh, touches, root, np.hypot(touches.std, mesh.shape_uncertainty))
+        """Return the search from the pose of a mesh."""
+        prior_factor = np.asarray(np.linalg.cholesky(mesh.pose.covariance), np.float64)
+        return cls(mesh, touches, prior_factor, np.hypot(touches.std, mesh.shape_uncertainty))
 
-    def scaled(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Distances (n,) in standard deviations, and their slopes (n, 6)."""
-        pose = moved(self.mesh.pose, self.root @ unknowns)
+    def scaled_distances(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Return distances (n,) in standard deviations at unknowns (6,), and minus their derivatives (n, 6)."""
+        displacement = self.prior_factor @ unknowns
+        pose = moved(self.mesh.pose, displacement)
         points = _points_at(self.mesh, pose, self.touches.centre)
         jacobian = pose.height_jacobian(points.position, points.normal)
         # The turn of a rotation vector w that grows by dw is J(w) dw, J the left Jacobian of rotations.
-        jacobian[:, 3:] = jacobian[:, 3:] @ _left_jacobian((self.root @ unknowns)[3:])
-        return (points.height - self.touches.radius) / self.std, -jacobian @ self.root / self.std[:, None]
+        jacobian[:, 3:] = jacobian[:, 3:] @ _left_jacobian(displacement[3:])
+        distance = (points.height - self.touches.radius) / self.std
+        return distance, -jacobian @ self.prior_factor / self.std[:, None]
 
     def minimum(self) -> Floats:
-        """(6,) raises ConfigurationError if it fails."""
+        """Return the unknowns (6,) of the least sum; raises ConfigurationError without convergence."""
 
-        def normal(unknowns: Floats) -> Floats:
-            residual, slopes = self.scaled(unknowns)
-            rows = np.vstack([np.column_stack([residual, slopes]), np.column_stack([unknowns, np.eye(6)])])
+        def normal_equations(unknowns: Floats) -> Floats:
+            """Return [r J]^T [r J] (7, 7) over touches and prior; the prior's residual is the unknowns."""
+            distance, jacobian = self.scaled_distances(unknowns)
+            touch_rows = np.column_stack([distance, jacobian])
+            prior_rows = np.column_stack([unknowns, np.eye(6)])
+            rows = np.vstack([touch_rows, prior_rows])
             return np.asarray(rows.T @ rows)
 
-        high = np.full(6, np.inf)
-        found = least_squares(normal, np.zeros(6), -high, high, most=100, gain=1e-8)
-        if not found.converged:
+        unbounded = np.full(6, np.inf)
+        solution = least_squares(
+            normal_equations, np.zeros(6), -unbounded, unbounded, most=_MAX_ITERATIONS, gain=_COST_GAIN
+        )
+        if not solution.converged:
             raise ConfigurationError(f"{self.mesh.file}: no pose fits the touches, from where it is stated to stand")
-        return found.x
+        return solution.x
 
 
-def moved(pose: UncertainPose, by: Floats) -> UncertainPose:
-    """Return a pose after a displacement and a turn (6,) of the body about its pivot, which goes along."""
-    turn = rotation_matrix(by[3:].tolist())
-    pivot = pose.pivot + by[:3]
+def moved(pose: UncertainPose, displacement: Floats) -> UncertainPose:
+    """Return a pose after a displacement [m] and a turn [rad] (6,) of the body about its pivot, which moves too."""
+    turn = rotation_matrix(displacement[3:].tolist())
+    pivot = pose.pivot + displacement[:3]
     translation = pivot + turn @ (pose.translation - pose.pivot)
     return replace(pose, rotation=rotation_vector(turn @ pose.matrix), translation=translation, pivot=pivot)
 
 
 def _points_at(mesh: Mesh, pose: UncertainPose, places: Floats) -> SurfacePoints:
-    """Points of the mesh at another pose; beyond its rim, too, where the nearest point of the rim counts."""
+    """Return the points of a mesh at another pose nearest to places (n, 3) [m]; beyond its rim those of the rim."""
     feet, faces = mesh.body.nearest(pose.inwards(places))
-    return points_of(pose, mesh, places, feet, faces, {})
+    return mesh_points(pose, mesh, places, feet, faces, {})
 
 
 def _left_jacobian(vector: Floats) -> Floats:
-    """J (3, 3) of a rotation vector (3,) [rad]. Source: Chirikjian 2011, section 10.6."""
+    """Return the left Jacobian J (3, 3) of a rotation vector w (3,) [rad], t its angle.
+
+    J = 1 + (1 - cos t)/t^2 [w] + (t - sin t)/t^3 [w]^2, [w] u = w x u. Source: Chirikjian 2011, section 10.6.
+    """
     angle = float(np.linalg.norm(vector))
     x, y, z = vector
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-6:
+    if angle < _SMALL_ANGLE:
         return np.eye(3) + cross / 2
-    one, two = (1 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
-    return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
+    first_order = (1 - math.cos(angle)) / angle**2
+    second_order = (angle - math.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) + first_order * cross + second_order * cross @ cross)
 
 
-def _chi_square_tail(value: float, degrees: int) -> float:
+def _chi_square_tail(chi_square: float, degrees: int) -> float:
+    """Return the probability of a larger chi^2 with so many degrees of freedom."""
     from scipy.special import gammaincc
 
-    return float(gammaincc(degrees / 2, value / 2))
+    return float(gammaincc(degrees / 2, chi_square / 2))
 
 
-def _open_directions(mesh: Mesh, inner: Floats, root: Floats) -> tuple[str, ...]:
-    """What touches say next to nothing about, in words: the directions in which the covariance is that from before."""
-    shares, directions = np.linalg.eigh(inner)
-    by = (root @ directions * np.sqrt(shares))[:, shares > _OPEN**2]
-    # Of directions that are all open any mixture is one: shifts are distinguished from turns.
-    _, _, apart = np.linalg.svd(by[3:], full_matrices=True) if by.size else (None, None, np.zeros((0, 0)))
-    return tuple(_words(mesh.pose, way, mesh.body.size) for way in (by @ apart.T).T)
+def _open_directions(mesh: Mesh, covariance: Floats, prior_factor: Floats) -> tuple[str, ...]:
+    """Return the directions that touches leave nearly as uncertain as before, in words.
+
+    `covariance` (6, 6) is in standard deviations of the prior, whose Cholesky factor (6, 6) is `prior_factor`: its
+    eigenvalues are the shares of the prior's variance that are left.
+    """
+    variance_shares, eigenvectors = np.linalg.eigh(covariance)
+    deviations = prior_factor @ eigenvectors * np.sqrt(variance_shares)  # columns of one standard deviation
+    open_deviations = deviations[:, variance_shares > _OPEN_SHARE**2]
+    if not open_deviations.size:
+        return ()
+    # Of directions that are all open any mixture is one: shifts are separated from turns.
+    _, _, mixture = np.linalg.svd(open_deviations[3:], full_matrices=True)
+    return tuple(_direction_text(mesh.pose, direction, mesh.body.size) for direction in (open_deviations @ mixture.T).T)
 
 
-def _words(pose: UncertainPose, by: Floats, size: float) -> str:
-    """Return a displacement and turn (6,) of one standard deviation: a turn about an axis, or a shift."""
-    shift, turn = by[:3], by[3:]
-    angle, way = float(np.linalg.norm(turn)), float(np.linalg.norm(shift))
-    if angle * size / 2 < _TURN * way:
-        return f"a shift along ({_vector(shift / way)}), held to ± {1e3 * way:.1f} mm"
+def _direction_text(pose: UncertainPose, deviation: Floats, size: float) -> str:
+    """Return a displacement and turn (6,) of one standard deviation: a turn about an axis, or a shift.
+
+    `size` [m] is the body's: a turn that moves its ends by far less than the shift does is a shift.
+    """
+    shift, turn = deviation[:3], deviation[3:]
+    angle, distance = float(np.linalg.norm(turn)), float(np.linalg.norm(shift))
+    if angle * size / 2 < _SHIFT_SHARE * distance:
+        return f"a shift along ({_vector_text(shift / distance)}), held to ± {1e3 * distance:.1f} mm"
     # The axis of a screw: the points that it moves along itself alone.
     point = pose.pivot + np.cross(turn, shift) / angle**2
+    point_text = ", ".join(f"{1e3 * coordinate:.1f}" for coordinate in point)
     return (
-        f"a turn about the axis ({_vector(turn / angle)}) through ({', '.join(f'{1e3 * v:.1f}' for v in point)}) mm, "
+        f"a turn about the axis ({_vector_text(turn / angle)}) through ({point_text}) mm, "
         f"held to ± {math.degrees(angle):.1f} deg"
     )
 
 
-def _vector(vector: Floats) -> str:
-    return ", ".join(f"{value + 0.0:.2f}" for value in np.round(vector, 2))
+def _vector_text(vector: Floats) -> str:
+    """Return a vector with two decimals, without minus zeros."""
+    return ", ".join(f"{component + 0.0:.2f}" for component in np.round(vector, 2))

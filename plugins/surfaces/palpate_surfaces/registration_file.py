@@ -1,4 +1,4 @@
-"""The registration file: where touches have found a mesh to stand, with the covariance of its pose; TOML, SI inside."""
+"""The registration file: the pose of a mesh by touches, with its covariance; TOML, SI inside."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Registration(Settings):
 
     @property
     def pose(self) -> UncertainPose:
-        """The pose."""
+        """The pose with its covariance."""
         vectors = (np.array(self.rotation), np.array(self.position), np.array(self.pivot))
         return UncertainPose(*vectors, np.array(self.covariance))
 
@@ -47,11 +47,14 @@ class Registration(Settings):
 
 
 def read_registration(path: Path, mesh: str) -> Registration:
-    """Return the registration of the mesh with a digest; raises ConfigurationError for an invalid one, or another
-    mesh's."""
+    """Return a registration file; `mesh` is the SHA-256 of the mesh's file.
+
+    Raises ConfigurationError for an invalid registration, or one of another mesh.
+    """
     registration = read_settings(path, Registration, "registration")
     covariance = registration.pose.covariance
     numbers = np.concatenate([registration.pose.rotation, registration.pose.translation, covariance.ravel()])
+    # `eigvalsh` is of finite numbers only, and sorts the smallest eigenvalue first.
     if not np.isfinite(numbers).all() or np.linalg.eigvalsh((covariance + covariance.T) / 2)[0] <= 0:
         raise ConfigurationError(f"{path}: is not a registration: its pose or covariance is not one of finite numbers")
     if registration.mesh != mesh:
@@ -60,7 +63,7 @@ def read_registration(path: Path, mesh: str) -> Registration:
 
 
 def file_digest(file: Path) -> str:
-    """SHA-256 of a file; raises ConfigurationError where it cannot be read."""
+    """Return the SHA-256 of a file; raises ConfigurationError where it cannot be read."""
     try:
         return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError as error:

@@ -16,10 +16,11 @@ from palpate_engine import RESULT, bounded_text
 from palpate_surfaces.registration_file import file_digest
 from palpate_surfaces.run_touches import SkinTouch, touches_of_run
 
-_COLUMN = re.compile(r"\s*([a-z]+)\s*(?:[\[(_ ,/]+\s*([a-zµ]+)\s*[\])]?)?\s*", re.IGNORECASE)
-_LENGTHS = ("x", "y", "z", "u", "radius")
-_NAMES = (*_LENGTHS, "name")
-_MOST = 5000  # touches
+# A heading: a name, and a unit in any brackets or after a separator, as in "x [mm]", "x_mm", "x, mm".
+_HEADING = re.compile(r"\s*([a-z]+)\s*(?:[\[(_ ,/]+\s*([a-zµ]+)\s*[\])]?)?\s*", re.IGNORECASE)
+_LENGTH_COLUMNS = ("x", "y", "z", "u", "radius")
+_COLUMN_NAMES = (*_LENGTH_COLUMNS, "name")
+_MAX_TOUCHES = 5000  # a choice
 
 
 @dataclass(frozen=True)
@@ -36,15 +37,19 @@ class Touches:
 
     @property
     def centre(self) -> Floats:
-        """(n, 3) [m] of the spheres: the tool stands along z, its sphere touches an inclined skin off its end."""
+        """Centres (n, 3) [m] of the spheres, above the tool's end: the tool stands along z.
+
+        On an inclined skin the sphere touches off the end.
+        """
         return self.position + np.column_stack([np.zeros((len(self), 2)), self.radius])
 
     @classmethod
     def of(cls, touches: Iterable[SkinTouch]) -> Touches:
-        """Touches one by one, as columns."""
+        """Return touches one by one as columns."""
         rows = list(touches)
         position = np.array([touch.position for touch in rows]).reshape(-1, 3)
-        radius, std = (np.array([getattr(touch, key) for touch in rows], float) for key in ("radius", "std"))
+        radius = np.array([touch.radius for touch in rows], float)
+        std = np.array([touch.std for touch in rows], float)
         return cls(position, radius, std, tuple(touch.name for touch in rows))
 
 
@@ -53,39 +58,38 @@ def read_touches(paths: Iterable[Path], uncertainty: float | None = None) -> Tou
 
     `uncertainty` [m] is that of tables without a column u. Raises ConfigurationError, and LogError for damaged runs.
     """
-    found: list[SkinTouch] = []
+    touches: list[SkinTouch] = []
     for path in paths:
-        is_run = path.is_dir() or path.suffix == ".json"
-        found += touches_of_run(path if path.is_dir() else path.parent) if is_run else table_touches(path, uncertainty)
-    if len(found) > _MOST:
-        raise ConfigurationError(f"these are {len(found)} touches; {_MOST} are allowed")
-    return Touches.of(found)
+        if path.is_dir():
+            touches += touches_of_run(path)
+        elif path.suffix == ".json":
+            touches += touches_of_run(path.parent)
+        else:
+            touches += table_touches(path, uncertainty)
+    if len(touches) > _MAX_TOUCHES:
+        raise ConfigurationError(f"these are {len(touches)} touches; {_MAX_TOUCHES} are allowed")
+    return Touches.of(touches)
 
 
 def touches_table(touches: Touches) -> str:
-    """Touches as a table that `read_touches` reads."""
+    """Return touches as a table that `read_touches` reads."""
     rows = ["x [mm],y [mm],z [mm],u [mm],radius [mm],name"]
     columns = zip(touches.position.tolist(), touches.std, touches.radius, touches.name, strict=True)
-    for place, u, radius, name in columns:
-        numbers = ",".join(f"{1e3 * value:.6f}" for value in (*place, u, radius))
+    for position, std, radius, name in columns:
+        numbers = ",".join(f"{1e3 * length:.6f}" for length in (*position, std, radius))
         rows.append(f'{numbers},"{name}"')
     return "\n".join(rows) + "\n"
 
 
-def digest_of(path: Path) -> str:
-    """SHA-256 of a table, or of the result of a run; raises ConfigurationError where it cannot be read."""
+def touches_digest(path: Path) -> str:
+    """Return the SHA-256 of a table, or of the result of a run; raises ConfigurationError for an unreadable one."""
     return file_digest(path / RESULT if path.is_dir() else path)
 
 
 def table_touches(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
     """Yield the touches of a table; `uncertainty` [m] where it has no column u. Raises ConfigurationError."""
-    try:
-        lines = bounded_text(path, "utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot read the touches: {reason}") from error
-    rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
-    columns = _columns(path, rows[0] if rows else [])
+    rows = _read_rows(path)
+    columns = _read_headings(path, rows[0] if rows else [])
     if "u" not in columns and uncertainty is None:
         raise ConfigurationError(
             f'{path}: how well was it touched? Add a column "u [mm]", the standard uncertainty of each touch, or state '
@@ -93,41 +97,58 @@ def table_touches(path: Path, uncertainty: float | None) -> Iterator[SkinTouch]:
         )
     if len(rows) < 2:
         raise ConfigurationError(f"{path}: has no touches below its header")
+    name_column = columns["name"][0] if "name" in columns else None
     for number, row in enumerate(rows[1:], 1):
-        values = {key: _length(path, number, key, row, *at) for key, at in columns.items() if key != "name"}
-        std = values.get("u", uncertainty or 0.0)
-        if std <= 0 or values.get("radius", 0.0) < 0:
+        lengths = {
+            name: _read_length(path, number, name, row, column, unit)
+            for name, (column, unit) in columns.items()
+            if name != "name"
+        }
+        std, radius = lengths.get("u", uncertainty or 0.0), lengths.get("radius", 0.0)
+        if std <= 0 or radius < 0:
             raise ConfigurationError(f"{path}, touch {number}: an uncertainty is above 0, a radius not below 0")
-        name = row[columns["name"][0]].strip() if "name" in columns and len(row) > columns["name"][0] else ""
-        place = (values["x"], values["y"], values["z"])
-        yield SkinTouch(place, values.get("radius", 0.0), std, name or f"{path.name}, touch {number}")
+        name = row[name_column].strip() if name_column is not None and len(row) > name_column else ""
+        position = (lengths["x"], lengths["y"], lengths["z"])
+        yield SkinTouch(position, radius, std, name or f"{path.name}, touch {number}")
 
 
-def _columns(path: Path, header: list[str]) -> dict[str, tuple[int, str]]:
-    """Place and unit of each column by its name; raises ConfigurationError."""
-    found: dict[str, tuple[int, str]] = {}
-    for place, cell in enumerate(header):
-        match = _COLUMN.fullmatch(cell)
-        name, unit = (match[1].lower(), match[2] or "") if match else (cell.strip(), "")
-        if name not in _NAMES:
-            raise ConfigurationError(f"{path}: a column is called {cell.strip()!r}{suggest(name, _NAMES)}")
-        if name in _LENGTHS and not unit:
-            raise ConfigurationError(f'{path}: column {name!r} has no unit; write for example "{name} [mm]"')
-        if name in found:
-            raise ConfigurationError(f"{path}: column {name!r} is there twice")
-        found[name] = place, unit
-    if missing := [name for name in "xyz" if name not in found]:
-        raise ConfigurationError(f'{path}: has no column {missing[0]!r}; touches are "x [mm],y [mm],z [mm],u [mm]"')
-    return found
-
-
-def _length(path: Path, number: int, key: str, row: list[str], place: int, unit: str) -> float:
-    cell = row[place].strip() if place < len(row) else ""
+def _read_rows(path: Path) -> list[list[str]]:
+    """Return the rows of a CSV file that are not empty; raises ConfigurationError for an unreadable one."""
     try:
-        value = to_si(f"{float(cell)!r} {unit}", "m") if math.isfinite(float(cell)) else math.nan
+        lines = bounded_text(path, "utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the touches: {reason}") from error
+    return [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+
+
+def _read_headings(path: Path, headings: list[str]) -> dict[str, tuple[int, str]]:
+    """Return index and unit of each column by its name; raises ConfigurationError for other headings."""
+    columns: dict[str, tuple[int, str]] = {}
+    for index, heading in enumerate(headings):
+        match = _HEADING.fullmatch(heading)
+        name, unit = (match[1].lower(), match[2] or "") if match else (heading.strip(), "")
+        if name not in _COLUMN_NAMES:
+            raise ConfigurationError(f"{path}: a column is called {heading.strip()!r}{suggest(name, _COLUMN_NAMES)}")
+        if name in _LENGTH_COLUMNS and not unit:
+            raise ConfigurationError(f'{path}: column {name!r} has no unit; write for example "{name} [mm]"')
+        if name in columns:
+            raise ConfigurationError(f"{path}: column {name!r} is there twice")
+        columns[name] = index, unit
+    if missing := [name for name in "xyz" if name not in columns]:
+        raise ConfigurationError(f'{path}: has no column {missing[0]!r}; touches are "x [mm],y [mm],z [mm],u [mm]"')
+    return columns
+
+
+def _read_length(path: Path, number: int, name: str, row: list[str], column: int, unit: str) -> float:
+    """Return the length [m] of a column in the row of a touch of a number; raises ConfigurationError."""
+    cell = row[column].strip() if column < len(row) else ""
+    try:
+        length = to_si(f"{float(cell)!r} {unit}", "m") if math.isfinite(float(cell)) else math.nan
     except ValueError as error:
+        # Messages on the unit are a person's; those of `float` are not.
         reason = str(error) if "unit" in str(error) or " is " in str(error) else f"{cell!r} is not a number"
-        raise ConfigurationError(f"{path}, touch {number}, {key}: {reason}") from error
-    if not math.isfinite(value):
-        raise ConfigurationError(f"{path}, touch {number}, {key}: {cell!r} is not a finite number")
-    return value
+        raise ConfigurationError(f"{path}, touch {number}, {name}: {reason}") from error
+    if not math.isfinite(length):
+        raise ConfigurationError(f"{path}, touch {number}, {name}: {cell!r} is not a finite number")
+    return length

@@ -19,9 +19,9 @@ def touches(
 
     For `touches` of a [surface.NAME] of type touched, or for `palpate calibrate surface`.
     """
-    found = read_touches(runs)
+    skin_touches = read_touches(runs)
     try:
-        output.write_text(touches_table(found), encoding="utf-8")
+        output.write_text(touches_table(skin_touches), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{output}: cannot write: {error.strerror}") from error
-    typer.echo(f"{len(found)} touches, known to {1e3 * float(found.std.max()):.2g} mm; wrote {output}")
+    typer.echo(f"{len(skin_touches)} touches, known to {1e3 * float(skin_touches.std.max()):.2g} mm; wrote {output}")
