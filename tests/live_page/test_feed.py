@@ -129,7 +129,7 @@ def test_what_is_told_stands_in_the_order_of_the_record(a_run, samples):
 
 def test_without_estimates_rows_are_sent_too(a_run, samples, estimates, monkeypatch):
     """The estimates of a live run are given up where they cannot keep up; the force goes on."""
-    monkeypatch.setattr("palpate_live.live_feed._EVERY", 0.0)
+    monkeypatch.setattr("palpate_live.live_feed._ROWS_INTERVAL", 0.0)
     sent = []
     feed = PageFeed(a_run(), sent.append, {})
     feed.samples(block := samples(0, 50))

@@ -8,7 +8,7 @@ from palpate_engine.config import load_pipeline
 from palpate_engine.pipeline import run_pipeline
 from palpate_live.live_feed import PageFeed
 from palpate_live.server_process import PageServer
-from palpate_live.sink import meanings
+from palpate_live.sink import flag_meanings
 
 from tests.live_page.browser import CHROMIUM, browser
 
@@ -30,7 +30,7 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path, name):
     asked = []
     child = PageServer(0, asked.append, patient=True)
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
-    feed = PageFeed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
+    feed = PageFeed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, flag_meanings())
     result = run_pipeline(pipeline, tmp_path / "out", observer=feed)
     with browser() as chromium:
         tab = chromium.open(child.address)

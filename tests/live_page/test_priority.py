@@ -8,13 +8,13 @@ import pytest
 
 WORK = """
 import asyncio, os, time
-from palpate_live.server_priority import attend
+from palpate_live.server_priority import raise_priority
 
 def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
 
 async def main():
-    attend(asyncio.get_running_loop(), spell=0.05, pause=0.3)
+    raise_priority(asyncio.get_running_loop(), spell=0.05, pause=0.3)
     found = [policy()]
     for _ in range(20):  # in all it works for as long, and waits in between
         began = time.thread_time()
@@ -57,9 +57,9 @@ def test_it_serves_where_nothing_is_permitted():
 import asyncio, os
 def refuse(*_): raise PermissionError(1, "Operation not permitted")
 os.sched_setscheduler = refuse
-from palpate_live.server_priority import attend
+from palpate_live.server_priority import raise_priority
 async def main():
-    attend(asyncio.get_running_loop())
+    raise_priority(asyncio.get_running_loop())
     print(os.sched_getscheduler(0) == os.SCHED_OTHER, os.nice(0))
 asyncio.run(main())
 """

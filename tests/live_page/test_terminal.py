@@ -69,7 +69,7 @@ def test_the_panel_takes_no_text_for_markup(watcher):
 
 
 def test_a_call_for_the_emergency_stop_is_red_and_rings_once(watcher, monkeypatch):
-    monkeypatch.setattr(terminal_panel, "_PANEL", 0.001)
+    monkeypatch.setattr(terminal_panel, "_PANEL_INTERVAL", 0.001)
     watcher.guard(GuardState("tripped", "the arm does not obey", 13.0, True))
     assert "PRESS THE EMERGENCY STOP: the arm does not obey" in watcher.line()
     out, views = io.StringIO(), threading.Semaphore(0)
@@ -93,8 +93,8 @@ def test_it_shows_a_run(terminal_, clears, point_pipeline, tmp_path, monkeypatch
     """A panel on a terminal, which it clears when it ends; lines elsewhere."""
     monkeypatch.setenv("FORCE_COLOR", terminal_) if terminal_ else monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setenv("COLUMNS", "140")
-    monkeypatch.setattr(terminal_panel, "_LINES", 0.01)
-    monkeypatch.setattr(terminal_panel, "_PANEL", 0.01)
+    monkeypatch.setattr(terminal_panel, "_LINE_INTERVAL", 0.01)
+    monkeypatch.setattr(terminal_panel, "_PANEL_INTERVAL", 0.01)
     pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=2 s"])
     with terminal_panel.panel(pipeline) as watcher:
         run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)
@@ -114,7 +114,7 @@ class Stuck(io.StringIO):
 
 def test_a_terminal_that_has_gone_stops_nobody(point_pipeline, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.stderr", Stuck())
-    monkeypatch.setattr(terminal_panel, "_LINES", 0.01)
+    monkeypatch.setattr(terminal_panel, "_LINE_INTERVAL", 0.01)
     pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=1 s"])
     with terminal_panel.panel(pipeline) as watcher:
         result = run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)

@@ -7,13 +7,13 @@ from palpate import Command, Display, plugin
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
-    """Return the page, and what Foxglove connects to."""
+    """Return the page and the Foxglove server."""
     return {"live": "palpate_live.sink:LiveSink", "foxglove": "palpate_live.sink:FoxgloveSink"}
 
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Return the page of what was recorded."""
+    """Return the page of a recorded run."""
     return {"replay watch": Command("palpate_live.watch_command:watch", "See a recorded run on the live page.", "run")}
 
 

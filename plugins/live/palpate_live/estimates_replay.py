@@ -1,4 +1,4 @@
-"""A recorded run without a log, as its table of estimates has it."""
+"""A recorded run without a log, from its table of estimates."""
 
 from __future__ import annotations
 
@@ -15,83 +15,99 @@ from palpate_kit.runs.run_folder import EstimatesTable, RunFolder, TrackTable
 from palpate_live.live_feed import PageFeed
 from palpate_live.recorded_skin import skin_and_extent
 
-_ROWS = 500  # that are sent together
+_ROWS_AT_ONCE = 500  # that are sent together: a choice
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What a run folder without a log has to show."""
+    """The content of a run folder without a log."""
 
     run: Run
-    table: EstimatesTable
+    online: EstimatesTable
     offline: EstimatesTable | None
-    result: Mapping[str, Any]  # empty where the run was cut
+    result: Mapping[str, Any]
 
 
 def read_tables(source: Path) -> RecordedRun | None:
-    """Return the tables of a run folder; None where it has a log, or no table. Raises LogError for what cannot be
-    read."""
+    """Return the tables of a run folder; None where it has a log, or no table. Raises LogError for a damaged one."""
     folder = RunFolder(source)
-    if not source.is_dir() or any(source.glob("*.mcap")) or (online := folder.online_table) is None:
+    if not source.is_dir() or any(source.glob("*.mcap")):
+        return None
+    online = folder.online_table
+    if online is None:
         return None
     if not (source / RESULT).is_file():
         raise LogError(f"{source}: has neither a log nor a result: `palpate report {source}` shows what it contains")
-    result, offline = folder.result, [table for table in folder.tables if table.path != online.path]
-    units = {name: {key: part["unit"] for key, part in t["parameters"].items()} for name, t in result["tracks"].items()}
-    tracks = {
-        name: tuple(Parameter(key, "", units.get(name, {}).get(key, ""), "") for key in table.track(name).values)
-        for table in (online, *offline)
-        for name in table.tracks
-    }
+    result = folder.result
+    offline = [table for table in folder.tables if table.path != online.path]
+    tracks: dict[str, tuple[Parameter, ...]] = {}
+    for table in (online, *offline):
+        for track in table.tracks:
+            tracks[track] = _parameters(table.track(track), result["tracks"].get(track, {}))
     surface, extent = skin_and_extent(source)
     run = Run(source, {}, tracks, {}, {}, result["run"]["name"], extent=extent, surface=surface)
     return RecordedRun(run, online, next(iter(offline), None), result)
 
 
-def tell(known: RecordedRun, feed: PageFeed) -> bool:
-    """Let the page have all of it; whether it came to its end, as it always does."""
-    measured, tracks = known.table.measured, {name: known.table.track(name) for name in known.table.tracks}
-    time, place = measured["time"], known.table.numbers[:, 1:3]
-    tracked = [(table.status & int(Status.IDLE)) == 0 for table in tracks.values()]
-    contact = np.any(tracked, axis=0) if tracked else np.zeros(len(time), bool)
-    samples = Samples(
-        np.rint(1e9 * time).astype(np.int64),
-        time,
-        np.diff(time, prepend=time[:1]),
-        measured["force"],
-        measured["position"],
-        measured["velocity"],
-        contact,
-        contact,
-        place,
-    )
-    estimates = {name: _estimates(table) for name, table in tracks.items()}
-    for begin in range(0, len(time), _ROWS):
-        rows = slice(begin, begin + _ROWS)
+def _parameters(table: TrackTable, track_result: Mapping[str, Any]) -> tuple[Parameter, ...]:
+    """Return the parameters of a track's table, with the units of its result; without a unit if it has none there."""
+    units = {name: parameter["unit"] for name, parameter in track_result.get("parameters", {}).items()}
+    return tuple(Parameter(name, "", units.get(name, ""), "") for name in table.values)
+
+
+def send_recorded_run(recorded: RecordedRun, feed: PageFeed) -> bool:
+    """Send all of a recorded run to the page, in the order of a live one. Return True: its end is always reached."""
+    tracks = {track: recorded.online.track(track) for track in recorded.online.tracks}
+    samples = _samples(recorded.online, list(tracks.values()))
+    estimates = {track: _estimates(table) for track, table in tracks.items()}
+    for first in range(0, len(samples), _ROWS_AT_ONCE):
+        rows = slice(first, first + _ROWS_AT_ONCE)
         feed.samples(samples[rows])
-        for name, block in estimates.items():
-            feed.estimates(name, _rows(block, rows))
-    for name in known.offline.tracks if known.offline else ():
-        assert known.offline is not None
-        feed.estimates(name, _estimates(known.offline.track(name)))
-    live = known.result["run"].get("live", {})
-    facts = {
-        "streams": known.result["streams"],
-        "devices": live.get("devices", {}),
-        "tare": known.result["run"]["tare"],
-    }
-    feed.health(facts)
-    feed.result(known.result)
+        for track, block in estimates.items():
+            feed.estimates(track, _cut_estimates(block, rows))
+    if recorded.offline is not None:
+        for track in recorded.offline.tracks:
+            feed.estimates(track, _estimates(recorded.offline.track(track)))
+    run_result = recorded.result["run"]
+    feed.health(
+        {
+            "streams": recorded.result["streams"],
+            "devices": run_result.get("live", {}).get("devices", {}),
+            "tare": run_result["tare"],
+        }
+    )
+    feed.result(recorded.result)
     return True
 
 
+def _samples(table: EstimatesTable, tracks: list[TrackTable]) -> Samples:
+    """Return the samples of a table: in contact where some track was not idle."""
+    measured = table.measured
+    time = measured["time"]
+    is_tracked = [(track.status & int(Status.IDLE)) == 0 for track in tracks]
+    contact = np.any(is_tracked, axis=0) if is_tracked else np.zeros(len(time), bool)
+    return Samples(
+        stamp=np.rint(1e9 * time).astype(np.int64),  # [ns]
+        time=time,
+        interval=np.diff(time, prepend=time[:1]),
+        force=measured["force"],
+        position=measured["position"],
+        velocity=measured["velocity"],
+        contact=contact,
+        active=contact,
+        lateral=table.numbers[:, 1:3],  # x and y follow the time
+    )
+
+
 def _estimates(table: TrackTable) -> Estimates:
+    """Return the estimates of a track's table."""
     values, std = (np.column_stack(list(columns.values())) for columns in (table.values, table.std))
     names = ("surface", "surface_std", "force", "nis", "innovation")
     others: dict[str, Any] = {name: table.others[name] for name in names if name in table.others}
     return Estimates(table.time, values, std, status=table.status.astype(np.uint32), **others)
 
 
-def _rows(block: Estimates, rows: slice) -> Estimates:
+def _cut_estimates(estimates: Estimates, rows: slice) -> Estimates:
+    """Return the estimates of some rows."""
     names = ("time", "values", "std", "surface", "surface_std", "force", "nis", "status", "innovation")
-    return Estimates(**{name: getattr(block, name)[rows] for name in names})
+    return Estimates(**{name: getattr(estimates, name)[rows] for name in names})

@@ -1,4 +1,4 @@
-"""The writer: takes a run's data, chooses rows, and hands messages on; it never waits, and keeps next to nothing."""
+"""The writer: takes a run's data, chooses rows, and sends them as messages; it never waits, and keeps little."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run
 from palpate_engine import display_unit, finite_tree, is_open
 from palpate_kit.page.datagrams import pack, pack_rows, pieces
 
-from palpate_live.row_columns import RowColumns, Table, beyond, describe_run, rows_of
+from palpate_live.row_columns import RowColumns, Table, choose_rows, describe_run, unmodelled_std
 
-_EVERY = 0.02  # [s] between two messages with rows
+_ROWS_INTERVAL = 0.02  # [s] between two messages with rows: a choice, 50 pictures a second
 
 Send = Callable[[bytes], object]
 
@@ -24,125 +24,143 @@ class PageFeed:
     """A run's data as messages for the page."""
 
     def __init__(self, run: Run, send: Send, meanings: Mapping[str, FlagMeaning], recorded: bool = False) -> None:
+        """Describe a run to the page; `send` takes each message, `meanings` are those of flags by their codes."""
         self._send, self._meanings = send, meanings
         self.by_record = recorded
         self._columns = RowColumns(run.tracks)
-        self._begins = self._columns.begins
-        self._beyond = {track: np.zeros(len(parameters)) for track, parameters in run.tracks.items()}
+        self._first_columns = self._columns.first_columns
+        # Standard uncertainties by track and parameter that the estimators do not know.
+        self._unmodelled_std = {track: np.zeros(len(parameters)) for track, parameters in run.tracks.items()}
         self._now = 0.0  # [s] of the record
-        self._bin = -math.inf  # in which the latest row is
+        self._bin = -math.inf  # hundredth of a second of the latest row
+        # The current block: its samples, those that became rows, and rows that wait to be sent.
         self._samples: Samples | None = None
-        self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._row_samples: NDArray[np.intp] = np.zeros(0, np.intp)
         self._blocks: list[tuple[Floats, Table]] = []
         self._stamp = 0  # [ns] of the latest row, in the record's clock
-        self._last: str | None = None  # track sent last of the block before
-        self._latest: str | None = None
+        # A block is complete with the track that came last in the block before.
+        self._last_track: str | None = None
+        self._latest_track: str | None = None
         self._offline: dict[str, Estimates] = {}
-        self._next = time.monotonic()
-        self._tell(describe_run(run, recorded))
+        self._next = time.monotonic()  # [s] at which rows may be sent again
+        self._send_message(describe_run(run, recorded))
 
     def batch(self, device: str, batch: Batch) -> None:
         """Raw readings are not shown."""
 
     def samples(self, samples: Samples) -> None:
         """Begin a block: the first sample of each hundredth of a second becomes a row."""
-        self._last, self._latest = self._latest, None
-        if self._last is None:
+        self._last_track, self._latest_track = self._latest_track, None
+        if self._last_track is None:
             self._flush_in_time()
-        self._chosen, self._bin = rows_of(samples.time, self._bin)
+        self._row_samples, self._bin = choose_rows(samples.time, self._bin)
         self._now, self._samples = float(samples.time[-1]), samples
-        if len(self._chosen):
-            self._blocks.append((samples.time[self._chosen], self._columns.of_samples(samples, self._chosen)))
-            self._stamp = int(samples.stamp[self._chosen[-1]])
+        if len(self._row_samples):
+            rows = self._columns.sample_rows(samples, self._row_samples)
+            self._blocks.append((samples.time[self._row_samples], rows))
+            self._stamp = int(samples.stamp[self._row_samples[-1]])
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """A track's estimates of the block; of an offline estimator, of the whole record."""
+        """Add a track's estimates of the block; keep those of an offline estimator, which are of the whole record."""
         samples = self._samples
-        block = samples is not None and len(estimates) == len(samples) and estimates.time[0] == samples.time[0]
-        if not block or (len(self._chosen) and not self._blocks):  # its rows have been sent
+        is_block = samples is not None and len(estimates) == len(samples) and estimates.time[0] == samples.time[0]
+        rows_are_sent = len(self._row_samples) and not self._blocks
+        if not is_block or rows_are_sent:
             self._offline[track] = estimates
             return
-        self._latest = track
-        if len(self._chosen):
-            own = self._columns.of_track(estimates, self._chosen, self._beyond[track])
-            begin = self._begins[track]
-            self._blocks[-1][1][:, begin : begin + own.shape[1]] = own
-        if track == self._last:
+        self._latest_track = track
+        if len(self._row_samples):
+            columns = self._columns.track_rows(estimates, self._row_samples, self._unmodelled_std[track])
+            first = self._first_columns[track]
+            _, rows = self._blocks[-1]
+            rows[:, first : first + columns.shape[1]] = columns
+        if track == self._last_track:
             self._flush_in_time()
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """Streams, devices, tare, backlog; and what each track would find if the run ended now."""
-        table = dict(health)
-        for track, found in table.pop("tracks", {}).items():
-            self._found(track, found)
-        self._tell({"kind": "health", **table})
+        """Send streams, devices, tare and backlog; and the results of each track if the run ended now."""
+        message = dict(health)
+        for track, track_result in message.pop("tracks", {}).items():
+            self._send_result(track, track_result)
+        self._send_message({"kind": "health", **message})
 
-    def _found(self, track: str, found: Mapping[str, Any], final: bool = False) -> None:
-        """Values with their combined uncertainty; rows from now on have it, too."""
-        self._beyond[track] = np.array([beyond(part) for part in found["parameters"].values()])
-        shown = {kind: {n: _value(p) for n, p in found.get(kind, {}).items()} for kind in ("parameters", "derived")}
-        self._tell({"kind": "found", "track": track, "final": final, "verdict": found.get("verdict"), **shown})
+    def _send_result(self, track: str, track_result: Mapping[str, Any], final: bool = False) -> None:
+        """Send a track's values with their combined uncertainty, which rows from now on have, too."""
+        parameters = track_result["parameters"].values()
+        self._unmodelled_std[track] = np.array([unmodelled_std(parameter) for parameter in parameters])
+        quantities = {
+            kind: {name: _quantity(entry) for name, entry in track_result.get(kind, {}).items()}
+            for kind in ("parameters", "derived")
+        }
+        verdict = track_result.get("verdict")
+        self._send_message({"kind": "found", "track": track, "final": final, "verdict": verdict, **quantities})
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All current flags on a track, or on the record."""
+        """Send all current flags on a track, or on the record, with their meanings."""
         tables = []
         for flag in flags:
-            meaning = self._meanings.get(flag.code)
-            words = {"meaning": meaning.meaning, "remedy": meaning.remedy} if meaning else {}
-            tables.append({**flag.table(), **words})
-        self._tell({"kind": "flags", "track": track, "flags": tables})
+            table = flag.table()
+            if (meaning := self._meanings.get(flag.code)) is not None:
+                table = {**table, "meaning": meaning.meaning, "remedy": meaning.remedy}
+            tables.append(table)
+        self._send_message({"kind": "flags", "track": track, "flags": tables})
 
     def guard(self, state: GuardState) -> None:
-        """What the guard does."""
+        """Send the state of the guard."""
         facts = {"phase": state.phase, "reason": state.reason, "peak": state.peak_force}
-        self._tell({"kind": "guard", **facts, "calls_for_stop": state.calls_for_stop})
+        self._send_message({"kind": "guard", **facts, "calls_for_stop": state.calls_for_stop})
 
     def result(self, table: Mapping[str, Any]) -> None:
-        """What the run found in the end."""
+        """Send the results of the run at its end, and the rows of offline estimators."""
         self.flush()
-        record = table["run"]
-        for name, track in table["tracks"].items():
-            self._found(name, track, True)
-            if name in self._offline:
-                self._afterwards(name, self._offline.pop(name))
-            self.flags(name, tuple(map(Flag.of_table, track["flags"])))
+        for track, track_result in table["tracks"].items():
+            self._send_result(track, track_result, final=True)
+            if track in self._offline:
+                self._send_offline(track, self._offline.pop(track))
+            self.flags(track, tuple(map(Flag.of_table, track_result["flags"])))
         if table["tracks"]:
             self.flags(None, ())  # every track has those of the record now
-        self._tell({"kind": "result", "truth": table["truth"], "duration": record.get("log_duration")})
+        duration = table["run"].get("log_duration")
+        self._send_message({"kind": "result", "truth": table["truth"], "duration": duration})
 
-    def _tell(self, message: Mapping[str, Any]) -> None:
+    def _send_message(self, message: Mapping[str, Any]) -> None:
+        """Send a message, after the rows that wait: messages stand in the order of the record."""
         if self._blocks:
-            self.flush()  # messages stand in the order of the record
+            self.flush()
         self._send(pack({**finite_tree(dict(message)), "t": self._now}))
 
     def _flush_in_time(self) -> None:
+        """Send the rows that wait, unless others were sent just before."""
         now = time.monotonic()
         if now >= self._next:
-            self._next = now + _EVERY
+            self._next = now + _ROWS_INTERVAL
             self.flush()
 
     def flush(self) -> None:
-        """Send the rows that wait."""
+        """Send the rows that wait, in pieces that fit a datagram, each with the stamp [ns] of its last row."""
         if not self._blocks:
             return
         times = np.concatenate([times for times, _ in self._blocks])
-        table = np.concatenate([rows for _, rows in self._blocks]).T
+        columns = np.concatenate([rows for _, rows in self._blocks]).T
         self._blocks.clear()
-        for piece in pieces(len(times), len(table)):
+        for piece in pieces(len(times), len(columns)):
             stamp = self._stamp - round(1e9 * (times[-1] - times[piece][-1]))
-            self._send(pack_rows({"kind": "rows", "stamp": stamp}, times[piece], table[:, piece]))
+            self._send(pack_rows({"kind": "rows", "stamp": stamp}, times[piece], columns[:, piece]))
 
-    def _afterwards(self, track: str, estimates: Estimates) -> None:
-        """Of an offline estimator, whose result comes when the record has ended: the same rows, all at once."""
-        rows, _ = rows_of(estimates.time, -math.inf)
-        table = self._columns.of_track(estimates, rows, self._beyond[track]).T
+    def _send_offline(self, track: str, estimates: Estimates) -> None:
+        """Send the rows of an offline estimator, all at once: its result comes when the record has ended."""
+        rows, _ = choose_rows(estimates.time, -math.inf)
+        columns = self._columns.track_rows(estimates, rows, self._unmodelled_std[track]).T
         times = estimates.time[rows]
-        for piece in pieces(len(times), len(table)):
-            header = {"kind": "later", "track": track, "begin": self._begins[track]}
-            self._send(pack_rows(header, times[piece], table[:, piece]))
+        for piece in pieces(len(times), len(columns)):
+            header = {"kind": "later", "track": track, "begin": self._first_columns[track]}
+            self._send(pack_rows(header, times[piece], columns[:, piece]))
 
 
-def _value(part: Mapping[str, Any]) -> list[Any]:
-    """Value and combined standard uncertainty [SI], its unit, how many of it one SI unit is, or why it has none."""
-    word = part.get("verdict") or ""
-    return [part["value"], part["combined"], *display_unit(part["unit"]), word if is_open(word) else ""]
+def _quantity(entry: Mapping[str, Any]) -> list[Any]:
+    """Return value and combined standard uncertainty [SI], display unit, its factor from SI, and an open verdict.
+
+    An open verdict is the reason of a missing value; it is empty for a value that counts.
+    """
+    verdict = entry.get("verdict") or ""
+    return [entry["value"], entry["combined"], *display_unit(entry["unit"]), verdict if is_open(verdict) else ""]

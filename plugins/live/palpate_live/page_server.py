@@ -18,17 +18,19 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from palpate_live.history import History
-from palpate_live.server_priority import attend
+from palpate_live.server_priority import raise_priority
 
-_MOST = 16  # browsers
-_PATIENCE = 8 << 20  # bytes that wait for one browser, besides the history that it is given
-_DRAIN = 1.0  # [s] for browsers to take what is left when the run has ended
+# Choices.
+_MAX_BROWSERS = 16
+_MAX_WAITING = 8 << 20  # bytes for one browser, besides the history that it was sent; 8 MB
+_CLOSING_TIME = 1.0  # [s] for browsers to take what is left when the run has ended
+_MAX_REQUEST = 64  # bytes of a message from a browser, which is "stop"
 _STOP = "stop"
 _FILES = page_files("palpate_live", ("index.html", "main.js", "record.js", "map.js", "panels.js"))
 
 
 class Viewers(Protocol):
-    """Those who look on: who may, what they get, and whether the run is over."""
+    """A server of viewers: their admission, their messages, and the end of the run."""
 
     over: asyncio.Event
 
@@ -37,19 +39,20 @@ class Viewers(Protocol):
         ...
 
     async def serve(self, viewer: ServerConnection) -> None:
-        """One of them, until it goes."""
+        """Serve a viewer until it goes."""
         ...
 
     async def finish(self) -> None:
-        """Let them know that nothing more comes."""
+        """Close the connections at the end of the run."""
         ...
 
 
 def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Event) -> None:
-    """Take all that comes from the run; an empty datagram is its end."""
+    """Call `take` with each datagram from the run; set `over` at an empty one, which is its end."""
     run.setblocking(False)
 
     def read() -> None:
+        """Read until no datagram waits."""
         while True:
             try:
                 message = run.recv(2 * LARGEST)
@@ -67,41 +70,45 @@ def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Even
 
 
 class Server:
-    """Browsers, what they missed, and the run's end of the socket."""
+    """The page's server: it sends the history and the messages of a run to browsers, and the run their `stop`."""
 
     def __init__(self, run: socket.socket, token: str) -> None:
         self._run, self._token = run, token
         self._history = History()
-        self._browsers: dict[ServerConnection, int] = {}  # bytes of history that each was given
-        self._stale = False  # whether rows have changed that browsers have
+        self._browsers: dict[ServerConnection, int] = {}  # bytes of history that each was sent
+        self._is_stale = False  # True while rows have changed that browsers have
         self.over = asyncio.Event()
         listen(run, self._take, self.over)
 
     def _take(self, message: bytes) -> None:
+        """Remember a message of the run, and send it, or the whole history, to the browsers."""
         kind = self._history.add(message)
-        if kind == "later":  # rows that browsers have already now say more: once, when all of it is here
-            self._stale = True
-        elif self._stale:
-            self._stale = False
-            self._all_anew()
+        if kind == "later":
+            # Rows that browsers have already now have more columns: they are sent once, when all of them have come.
+            self._is_stale = True
+        elif self._is_stale:
+            self._is_stale = False
+            self._send_history()
         else:
-            self._hand_out(message)
+            self._send_message(message)
 
-    def _hand_out(self, message: bytes) -> None:
-        for browser, given in list(self._browsers.items()):
-            if browser.transport.get_write_buffer_size() > _PATIENCE + given:
-                browser.transport.abort()  # it may come again, and gets the history
+    def _send_message(self, message: bytes) -> None:
+        """Send a message to all browsers; one that takes nothing for long is cut off, and may come again."""
+        for browser, history_size in list(self._browsers.items()):
+            if browser.transport.get_write_buffer_size() > _MAX_WAITING + history_size:
+                browser.transport.abort()
             else:
                 self._write(browser, message)
 
-    def _all_anew(self) -> None:
+    def _send_history(self) -> None:
+        """Send the whole history to all browsers again."""
         for browser in list(self._browsers):
             for message in self._history.messages():
                 self._write(browser, message)
 
     @staticmethod
     def _write(browser: ServerConnection, message: bytes) -> None:
-        """Without waiting for the browser."""
+        """Write a message without waiting for the browser."""
         broadcast([browser], message.decode() if is_text(message) else message)
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -109,47 +116,48 @@ class Server:
         return answer_request(request, self._token, _FILES)
 
     async def serve(self, viewer: ServerConnection) -> None:
-        """One browser: the history, then what comes; the only message it can send is `stop`."""
-        if len(self._browsers) >= _MOST:
-            await viewer.close(1013, "too many pages are open")
+        """Send the history to a browser, then the run's messages; the only message it can send is `stop`."""
+        if len(self._browsers) >= _MAX_BROWSERS:
+            await viewer.close(1013, "too many pages are open")  # 1013: try again later
             return
-        given = 0
+        history_size = 0
         for message in self._history.messages():
             self._write(viewer, message)
-            given += len(message)
-        self._browsers[viewer] = given
+            history_size += len(message)
+        self._browsers[viewer] = history_size
         with suppress(ConnectionClosed):
-            async for said in viewer:
-                if said != _STOP:
-                    await viewer.close(1008, "the only command here is stop")
+            async for request in viewer:
+                if request != _STOP:
+                    await viewer.close(1008, "the only command here is stop")  # 1008: policy violation (RFC 6455)
                 elif not self._history.recorded:
                     with suppress(OSError):
                         self._run.send(_STOP.encode())
         self._browsers.pop(viewer, None)
 
     async def finish(self) -> None:
-        """Let browsers know that nothing more comes, and have it."""
-        self._hand_out(pack({"kind": "over"}))
-        await see_off(self._browsers)
+        """Let browsers know that the run is over, with a moment to take what is left."""
+        self._send_message(pack({"kind": "over"}))
+        await close_viewers(self._browsers)
 
 
-async def see_off(viewers: Iterable[ServerConnection]) -> None:
+async def close_viewers(viewers: Iterable[ServerConnection]) -> None:
     """Close connections, with a moment for what is on its way."""
+    # 1001: the server goes away (RFC 6455).
     closing = [asyncio.ensure_future(viewer.close(1001, "the run is over")) for viewer in viewers]
     if closing:
-        await asyncio.wait(closing, timeout=_DRAIN)
+        await asyncio.wait(closing, timeout=_CLOSING_TIME)
 
 
-async def work(
+async def serve_run(
     listener: socket.socket,
     run: socket.socket,
     token: str,
-    made: Callable[[socket.socket, str], Viewers] = Server,
+    make_server: Callable[[socket.socket, str], Viewers] = Server,
     subprotocols: Sequence[Subprotocol] | None = None,
-    largest: int = 64,
+    max_request: int = _MAX_REQUEST,
 ) -> None:
-    """Serve until the run ends; messages of viewers have at most `largest` bytes."""
-    server = made(run, token)
+    """Serve a run until it ends; messages of viewers have at most `max_request` bytes."""
+    server = make_server(run, token)
     silent = logging.getLogger("palpate_live")  # foreign requests are not worth a note, and would fill a file
     silent.disabled = True
     async with serve(
@@ -159,23 +167,23 @@ async def work(
         subprotocols=subprotocols,
         compression=None,
         logger=silent,
-        max_size=largest,
+        max_size=max_request,
         server_header=None,
         open_timeout=GREETING,
-        close_timeout=_DRAIN,
+        close_timeout=_CLOSING_TIME,
         create_connection=GuardedConnection,
     ):
-        if made is Server:  # once it serves; others have no stop that would have to be heard at once
-            attend(asyncio.get_running_loop())
+        if make_server is Server:  # once it serves; others have no stop that would have to be heard at once
+            raise_priority(asyncio.get_running_loop())
         await server.over.wait()
         await server.finish()
 
 
 def process_arguments() -> tuple[socket.socket, socket.socket, str]:
-    """Listener and socket of ``python -m MODULE LISTENER SOCKET``, and the token from standard input."""
+    """Return listener and socket of ``python -m MODULE LISTENER SOCKET``, and the token from standard input."""
     listener, run = (socket.socket(fileno=int(number)) for number in sys.argv[1:3])
     return listener, run, sys.stdin.readline().strip()
 
 
 if __name__ == "__main__":
-    asyncio.run(work(*process_arguments()))
+    asyncio.run(serve_run(*process_arguments()))

@@ -1,4 +1,4 @@
-"""What the page gets for each instant: one row, with the columns of the samples and those of every track."""
+"""Rows of the page, one for each instant: the columns of the samples and those of every track."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate_kit.runs.skin_grid import lump_shapes, read_lumps, skin_over
 
 COMMON = ("force", "position", "x", "y", "contact")
 PER_TRACK = ("surface", "force", "nis", "innovation")  # after value and uncertainty of each parameter
-RATE = 100.0  # [Hz] of the rows
+RATE = 100.0  # [Hz] of the rows: a choice, more than a screen has points
 UNUSABLE = int(Status.IDLE | Status.WAITING | Status.DIVERGED)
 
 Table = NDArray[np.float32]
@@ -24,31 +24,34 @@ Table = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RowColumns:
-    """Where each column is."""
+    """The order of a row's columns: those of the samples (`COMMON`), then those of each track.
+
+    A track has the values of its k parameters, their k standard uncertainties, and `PER_TRACK`.
+    """
 
     tracks: Mapping[str, tuple[Parameter, ...]]
 
     @property
-    def begins(self) -> dict[str, int]:
-        """Column at which those of each track begin."""
-        found, at = {}, len(COMMON)
+    def first_columns(self) -> dict[str, int]:
+        """Index of the first column of each track."""
+        first_columns, column = {}, len(COMMON)
         for track, parameters in self.tracks.items():
-            found[track] = at
-            at += self.width(len(parameters))
-        return found
+            first_columns[track] = column
+            column += self.width(len(parameters))
+        return first_columns
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of columns."""
         return len(COMMON) + sum(self.width(len(parameters)) for parameters in self.tracks.values())
 
     @staticmethod
-    def width(parameters: int) -> int:
-        """Columns of a track with so many parameters."""
-        return 2 * parameters + len(PER_TRACK)
+    def width(parameter_count: int) -> int:
+        """Return the number of columns of a track."""
+        return 2 * parameter_count + len(PER_TRACK)
 
-    def of_samples(self, samples: Samples, rows: NDArray[np.intp]) -> Table:
-        """Rows (n, columns) of chosen samples; estimates are not known yet."""
+    def sample_rows(self, samples: Samples, rows: NDArray[np.intp]) -> Table:
+        """Return the rows (n, columns) of chosen samples (n,); the columns of estimates are NaN."""
         table = np.full((len(rows), self.count), np.nan, np.float32)
         table[:, 0] = samples.force[rows]
         table[:, 1] = samples.position[rows]
@@ -57,33 +60,41 @@ class RowColumns:
         return table
 
     @staticmethod
-    def of_track(estimates: Estimates, rows: NDArray[np.intp], beyond: Floats) -> Table:
-        """Rows (n, columns of the track): values, uncertainties with what is known `beyond` the estimator's (k,)."""
+    def track_rows(estimates: Estimates, rows: NDArray[np.intp], unmodelled: Floats) -> Table:
+        """Return a track's columns (n, columns of the track) of chosen estimates (n,); NaN where they are not usable.
+
+        `unmodelled` (k,) are the standard uncertainties of the parameters that the estimator does not know.
+        """
         count = estimates.values.shape[1]
         table = np.empty((len(rows), RowColumns.width(count)), np.float32)
-        with np.errstate(over="ignore", invalid="ignore"):  # what diverges may be too large for a picture
+        with np.errstate(over="ignore", invalid="ignore"):  # estimates that diverge may be too large for a float32
             table[:, :count] = estimates.values[rows]
-            table[:, count : 2 * count] = np.hypot(estimates.std[rows], beyond)
-            table[:, 2 * count] = estimates.surface[rows]
-            table[:, 2 * count + 1] = estimates.force[rows]
-            table[:, 2 * count + 2] = estimates.nis[rows]
-            table[:, 2 * count + 3] = estimates.innovation[rows]
+            table[:, count : 2 * count] = np.hypot(estimates.std[rows], unmodelled)
+            for column, name in enumerate(PER_TRACK, 2 * count):
+                table[:, column] = getattr(estimates, name)[rows]
         table[(estimates.status[rows] & UNUSABLE) != 0] = np.nan
         return table
 
 
-def rows_of(time: Floats, before: float) -> tuple[NDArray[np.intp], float]:
-    """Which samples become rows, the first of each hundredth of a second, and the hundredth of the last sample."""
+def choose_rows(time: Floats, last_bin: float) -> tuple[NDArray[np.intp], float]:
+    """Return the samples that become rows, the first of each hundredth of a second, and the hundredth of the last one.
+
+    `time` (n,) [s] is that of the samples, `last_bin` the hundredth of the sample before.
+    """
     bins = np.floor(time * RATE)
-    known = np.empty(len(bins))
-    known[0], known[1:] = before, bins[:-1]
-    return np.flatnonzero(bins > known), float(bins[-1])
+    previous_bins = np.empty(len(bins))
+    previous_bins[0], previous_bins[1:] = last_bin, bins[:-1]
+    return np.flatnonzero(bins > previous_bins), float(bins[-1])
 
 
 def describe_run(run: Run, recorded: bool) -> dict[str, Any]:
-    """What the page has to know of a run before it gets anything else."""
+    """Return the first message of a run: its name, its tracks with their columns, and the skin below it."""
     columns = RowColumns(run.tracks)
-    begins = columns.begins
+    first_columns = columns.first_columns
+    tracks = []
+    for track, parameters in run.tracks.items():
+        described = [_describe_parameter(parameter) for parameter in parameters]
+        tracks.append({"name": track, "begin": first_columns[track], "parameters": described})
     return {
         "kind": "run",
         "name": run.name,
@@ -94,21 +105,18 @@ def describe_run(run: Run, recorded: bool) -> dict[str, Any]:
         "columns": columns.count,
         "skin": None if run.surface is None or run.extent is None else skin_over(run.surface, run.extent),
         "lumps": lump_shapes(read_lumps(RunFolder(run.folder).maps)) if recorded else [],
-        "tracks": [
-            {"name": track, "begin": begins[track], "parameters": [_shown(parameter) for parameter in parameters]}
-            for track, parameters in run.tracks.items()
-        ],
+        "tracks": tracks,
     }
 
 
-def _shown(parameter: Parameter) -> dict[str, Any]:
+def _describe_parameter(parameter: Parameter) -> dict[str, Any]:
+    """Return name, display unit and its factor from SI."""
     unit, factor = display_unit(parameter.unit)
     return {"name": parameter.name, "unit": unit, "factor": factor}
 
 
-def beyond(part: Mapping[str, Any]) -> float:
-    """Return the part of a combined standard uncertainty [SI] that the estimator does not know; NaN where it is
-    unknown."""
-    if part["combined"] is None and part["std"] is not None:
+def unmodelled_std(parameter: Mapping[str, Any]) -> float:
+    """Return the standard uncertainty [SI] of a result's parameter that its estimator does not know; NaN if unknown."""
+    if parameter["combined"] is None and parameter["std"] is not None:
         return math.nan
-    return math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0)
+    return math.hypot(parameter["settling"] or 0.0, parameter.get("systematic") or 0.0)

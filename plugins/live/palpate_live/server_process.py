@@ -21,18 +21,19 @@ from palpate_kit.page.listening_socket import listening_socket
 _LIBC = ctypes.PyDLL(None, use_errno=True)  # its functions keep the interpreter's lock
 _LIBC.send.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int)
 _LIBC.send.restype = ctypes.c_ssize_t
-_BUFFER = 1 << 20  # bytes that may wait for the process, where Linux permits
-_GOES = 2.0  # [s] in which it has to end
-_COMMAND = 256  # bytes
+# Choices.
+_SEND_BUFFER = 1 << 20  # bytes that may wait for the process, where Linux permits
+_END_TIMEOUT = 2.0  # [s] in which it has to end
+_MAX_REQUEST = 256  # bytes of a request from the page
 
 
 @dataclass(frozen=True)
 class ServerKind:
-    """What the process is."""
+    """A kind of server: its name, its program and its address."""
 
     name: str  # in messages
-    module: str  # that is run
-    scheme: str  # of its address
+    module: str  # that is executed
+    scheme: str  # of the address
 
 
 _PAGE = ServerKind("live page", "palpate_live.page_server", "http")
@@ -49,22 +50,22 @@ class PageServer:
         `stop` is called from a thread on a request from the page; a `patient` sender waits for the process.
         """
         self.sent = self.dropped = 0
-        self.lost: str | None = None  # why nothing goes there any more
+        self.lost: str | None = None  # the reason why nothing is sent any more
         self._stop, self._patient, self.served = stop, patient, served
         self.token = secrets.token_urlsafe(16)
-        with _listening(port, served.name) as listener:
+        with _open_listener(port, served.name) as listener:
             self.port: int = listener.getsockname()[1]
-            self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+            self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
             self._errors = tempfile.TemporaryFile()  # noqa: SIM115  (closed when the process has ended)
-            with theirs:
-                self._process = self._started(listener, theirs)
+            with child_socket:
+                self._process = self._start_process(listener, child_socket)
         self._thread = threading.Thread(target=self._listen, daemon=True, name="live page")
         self._thread.start()
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Id of the process."""
         return self._process.pid
 
     @property
@@ -72,17 +73,20 @@ class PageServer:
         """The page's address; anyone who knows it may look, and stop the run."""
         return f"{self.served.scheme}://127.0.0.1:{self.port}/{self.token}/"
 
-    def _started(self, listener: socket.socket, theirs: socket.socket) -> subprocess.Popen[bytes]:
-        """In a session of its own, so that Ctrl-C reaches the run only; it imports nothing from the current folder."""
-        numbers = listener.fileno(), theirs.fileno()
-        command = [sys.executable, "-P", "-m", self.served.module, *map(str, numbers)]
+    def _start_process(self, listener: socket.socket, child_socket: socket.socket) -> subprocess.Popen[bytes]:
+        """Start the process with both sockets, and give it the token; raises OutputError where it cannot be started.
+
+        In a session of its own, so that Ctrl-C reaches the run only; it imports nothing from the current folder.
+        """
+        descriptors = listener.fileno(), child_socket.fileno()
+        command = [sys.executable, "-P", "-m", self.served.module, *map(str, descriptors)]
         try:
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
-                pass_fds=numbers,
+                pass_fds=descriptors,
                 start_new_session=True,
             )
         except OSError as error:
@@ -93,27 +97,27 @@ class PageServer:
         return process
 
     def send(self, message: bytes) -> bool:
-        """Hand a message to the process; False where it was dropped, which is counted. Only one thread sends."""
+        """Send a message to the process; return False where it was dropped, which is counted. Only one thread sends."""
         if self.lost is None:
-            number = self._waiting(message) if self._patient else self._at_once(message)
-            if number == 0:
+            error_number = self._send_waiting(message) if self._patient else self._send_at_once(message)
+            if error_number == 0:
                 self.sent += 1
                 return True
-            if number not in (errno.EAGAIN, errno.EMSGSIZE):
-                self.lost = os.strerror(number)
+            if error_number not in (errno.EAGAIN, errno.EMSGSIZE):  # a full buffer, or a message that is too long
+                self.lost = os.strerror(error_number)
         self.dropped += 1
         return False
 
-    def _waiting(self, message: bytes) -> int:
-        """Send; the number of the error, or 0."""
+    def _send_waiting(self, message: bytes) -> int:
+        """Send a message, waiting for the process; return the number of the error, or 0."""
         try:
             self._socket.send(message)
         except OSError as error:
             return error.errno or errno.EIO
         return 0
 
-    def _at_once(self, message: bytes) -> int:
-        """Send without waiting, and without the interpreter's lock being given away; the number of the error, or 0.
+    def _send_at_once(self, message: bytes) -> int:
+        """Send a message without waiting, and keep the interpreter's lock; return the number of the error, or 0.
 
         A thread of ordinary priority that got the lock could keep it for long, on a busy computer.
         """
@@ -123,49 +127,58 @@ class PageServer:
         return 0
 
     def _listen(self) -> None:
+        """Call `stop` for each request from the page, until the socket is closed."""
         while True:
             try:
-                said = self._socket.recv(_COMMAND)
+                request = self._socket.recv(_MAX_REQUEST)
             except OSError:
                 return
-            if not said:
+            if not request:
                 return
-            if said == b"stop" and self._stop is not None:
+            if request == b"stop" and self._stop is not None:
                 self._stop("on the live page")
 
     def wait(self) -> None:
-        """Until the process ends."""
+        """Wait until the process ends."""
         self._process.wait()
 
     def close(self) -> str | None:
-        """End the process; a sentence where something was not as it should be. Once more does nothing."""
+        """End the process; return a sentence if messages were lost or it ended early. A second call does nothing."""
         if self._errors.closed:
             return None
+        # The end of the messages is the process's sign to finish; one that does not is killed.
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         try:
-            code = self._process.wait(_GOES)
+            code = self._process.wait(_END_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             code = self._process.wait()
+        # The thread that listens ends with the socket.
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        self._thread.join(_GOES)
+        self._thread.join(_END_TIMEOUT)
         self._socket.close()
         with self._errors as file:
             file.seek(0)
-            words = file.read().decode(errors="replace").strip().splitlines()
-        if code > 0:
-            return f"the {self.served.name} ended early: {printable(words[-1]) if words else f'exit code {code}'}"
+            error_lines = file.read().decode(errors="replace").strip().splitlines()
+        return self._loss_notice(code, error_lines)
+
+    def _loss_notice(self, exit_code: int, error_lines: list[str]) -> str | None:
+        """Return a sentence if the process ended early or messages were lost; `error_lines` are its standard error."""
+        if exit_code > 0:
+            reason = printable(error_lines[-1]) if error_lines else f"exit code {exit_code}"
+            return f"the {self.served.name} ended early: {reason}"
         if self.lost is not None:
             return f"the {self.served.name} was ended from outside; the run did not wait for it"
         if self.dropped:
-            lost = f"{self.dropped} of {self.sent + self.dropped} messages were not shown"
-            return f"the {self.served.name} was too slow: {lost}"
+            share = f"{self.dropped} of {self.sent + self.dropped} messages were not shown"
+            return f"the {self.served.name} was too slow: {share}"
         return None
 
 
-def _listening(port: int, name: str) -> socket.socket:
+def _open_listener(port: int, name: str) -> socket.socket:
+    """Return a socket that listens on a port of 127.0.0.1; raises OutputError, with the server's name, if it cannot."""
     try:
         return listening_socket(port)
     except OSError as error:

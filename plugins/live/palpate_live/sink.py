@@ -26,7 +26,7 @@ class LiveSink(Sink):
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """Start the page, and print its address on standard error; raises OutputError where the port is taken."""
-        return _opened(PageServer(self.port, run.stop), run)
+        return _serve_run(PageServer(self.port, run.stop), run)
 
 
 class FoxgloveSink(Sink):
@@ -40,30 +40,31 @@ class FoxgloveSink(Sink):
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """Start serving, and print the address on standard error; raises OutputError where the port is taken."""
-        return _opened(PageServer(self.port, None, served=_FOXGLOVE), run)
+        return _serve_run(PageServer(self.port, None, served=_FOXGLOVE), run)
 
 
 _FOXGLOVE = ServerKind("Foxglove server", "palpate_live.foxglove", "ws")
 
 
 @contextmanager
-def _opened(child: PageServer, run: Run) -> Iterator[Writer]:
+def _serve_run(server: PageServer, run: Run) -> Iterator[Writer]:
+    """Print the server's address, and send it the run while the context lives; print a notice of losses."""
     try:
-        say(f"{child.served.name}: {child.address}")
-        feed = PageFeed(run, child.send, meanings())
+        say(f"{server.served.name}: {server.address}")
+        feed = PageFeed(run, server.send, flag_meanings())
         yield feed
         feed.flush()
     finally:
-        if (notice := child.close()) is not None:
+        if (notice := server.close()) is not None:
             say(f"palpate: {notice}")
 
 
 def say(text: str) -> None:
-    """A line on standard error, where there is one."""
+    """Print a line on standard error, if a terminal is there."""
     with suppress(OSError):  # a terminal that has gone
         print(text, file=sys.stderr, flush=True)
 
 
-def meanings() -> dict[str, FlagMeaning]:
-    """What the flags of everything that is installed mean."""
+def flag_meanings() -> dict[str, FlagMeaning]:
+    """Return the meanings of the flags of all installed packages, by their codes."""
     return registry.offers("palpate_flags", FlagMeaning)

@@ -14,11 +14,11 @@ from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.options import Overrides
 
-from palpate_live.estimates_replay import read_tables, tell
+from palpate_live.estimates_replay import read_tables, send_recorded_run
 from palpate_live.live_feed import PageFeed
 from palpate_live.recorded_skin import skin_and_extent
 from palpate_live.server_process import PageServer
-from palpate_live.sink import meanings, say
+from palpate_live.sink import flag_meanings, say
 
 if TYPE_CHECKING:
     from palpate_engine import Pipeline
@@ -34,53 +34,61 @@ def watch(
     The run is estimated again from its log, to the same numbers; one that has no log is shown from its table of
     estimates. Nothing is written.
     """
-    if (known := read_tables(source)) is not None:
+    recorded = read_tables(source)
+    if recorded is not None:
         if overrides:
             raise ConfigurationError(f"{source}: has no log to estimate again from; watch it without --set")
         say("the run has no log: its table of estimates is shown, with flags and devices as they were at the end")
-        _serve(port, lambda child: tell(known, PageFeed(known.run, child.send, meanings(), recorded=True)))
+        run = recorded.run
+        _serve(port, lambda server: send_recorded_run(recorded, _recorded_feed(run, server)))
         return
-    carried = read_run_log(source)
-    if carried is None:
+    run_log = read_run_log(source)
+    if run_log is None:
         raise ConfigurationError(
             f"{source}: carries no pipeline, so not a log of palpate's: `palpate info {source} --suggest` writes one"
         )
-    text = replay_source(carried)
+    pipeline_source = replay_source(run_log)
     for assignment in overrides or ():
-        text.override(assignment)
-    pipeline = build_pipeline(text)
-    _serve(port, lambda child: _filled(child, pipeline, source))
+        pipeline_source.override(assignment)
+    pipeline = build_pipeline(pipeline_source)
+    _serve(port, lambda server: _replay_log(server, pipeline, source))
 
 
 def _serve(port: int, fill: Callable[[PageServer], bool]) -> None:
-    """Have a page filled, and keep it until Ctrl-C."""
-    child = PageServer(port, None, patient=True)
+    """Serve a page that `fill` sends a record to, until Ctrl-C; `fill` returns True if it sent all of it."""
+    server = PageServer(port, None, patient=True)
     try:
-        say(f"live page: {child.address}")
-        if fill(child):
+        say(f"live page: {server.address}")
+        if fill(server):
             say("all of the record is there; Ctrl-C ends")
-            child.wait()
+            server.wait()
     except KeyboardInterrupt:
         pass
     finally:
-        notice = child.close()
+        notice = server.close()
     if notice is not None:
         say(f"palpate: {notice}")
 
 
-def _filled(child: PageServer, pipeline: Pipeline, source: Path) -> bool:
-    """Estimate the record again, and send all of it to the page; returns whether it reached its end."""
+def _recorded_feed(run: Run, server: PageServer) -> PageFeed:
+    """Return the feed of a recorded run to a page."""
+    return PageFeed(run, server.send, flag_meanings(), recorded=True)
+
+
+def _replay_log(server: PageServer, pipeline: Pipeline, source: Path) -> bool:
+    """Estimate a record again, and send all of it to the page; return True if its end was reached."""
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     surface, extent = skin_and_extent(source)
-    run = Run(*(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name), extent=extent, surface=surface)
-    feed = PageFeed(run, child.send, meanings(), recorded=True)
+    run = Run(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name, extent=extent, surface=surface)
+    feed = _recorded_feed(run, server)
     with tempfile.TemporaryDirectory(prefix="palpate-watch-") as folder:
         result = run_pipeline(pipeline, Path(folder) / "run", observer=feed)
     if result.interrupted is not None:
         return False
-    if source.is_dir() and (known := RunFolder(source)).finished:
+    # The recorded result replaces that of the replay: only it has the reason why the run ended.
+    if source.is_dir() and (run_folder := RunFolder(source)).finished:
         try:
-            feed.result(known.result)  # it knows why it ended
+            feed.result(run_folder.result)
         except LogError as error:
             say(f"palpate: {error}")
     return True

@@ -113,7 +113,7 @@ def _refine_phase(t: Floats, motion: Floats, phase: Floats) -> tuple[float, floa
     curvature, omega, _ = np.polyfit(t, phase, 2)
     for _ in range(_GAUSS_NEWTON_STEPS):
         design = _design_matrix(t, omega, curvature)
-        coefficients = np.linalg.lstsq(design, motion, rcond=None)[0]
+        coefficients = np.linalg.lstsq(design, motion, rcond=None)[0]  # offset, slope, a, b, harmonics
         cosine, sine = np.cos(omega * t + curvature * t**2), np.sin(omega * t + curvature * t**2)
         by_phase = coefficients[3] * cosine - coefficients[2] * sine
         jacobian = np.column_stack([design, by_phase * t, by_phase * t**2])

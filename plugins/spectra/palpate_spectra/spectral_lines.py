@@ -110,11 +110,12 @@ def _refine_frequencies(t: Floats, values: Floats, frequencies: list[float]) -> 
     for _ in range(_GAUSS_NEWTON_STEPS):
         design = design_matrix(t, f)
         coefficients = _least_squares(design, values)
-        a, b = coefficients[2::2], coefficients[3::2]
+        a, b = coefficients[2::2], coefficients[3::2]  # after offset and slope
         phase = 2 * np.pi * np.outer(t, f)
         derivatives = 2 * np.pi * t[:, None] * (b * np.cos(phase) - a * np.sin(phase))
         jacobian = np.hstack([design, derivatives])
         step = _least_squares(jacobian, values - design @ coefficients)[-len(f) :]
+        # At most half a bin of 1/duration, so that no line jumps to another one's peak.
         f = f + np.clip(step, -_MAX_STEP_BINS / np.ptp(t), _MAX_STEP_BINS / np.ptp(t))
     return [float(frequency) for frequency in f]
 

@@ -68,7 +68,7 @@ def register(mesh: Mesh, touches: Touches) -> RegisteredPose:
     probability = _chi_square_tail(chi_square, len(touches))
     scale = chi_square / len(touches) if probability < _REJECTION_LEVEL else 1.0
 
-    # Turns count of the body at its new pose, in place of changes of the rotation vector.
+    # The covariance is of turns of the body at its new pose; the unknowns change the rotation vector.
     displacement = search.prior_factor @ unknowns
     body_turns = np.eye(6)
     body_turns[3:, 3:] = _left_jacobian(displacement[3:])

@@ -41,7 +41,8 @@ def fit_patch(point: Floats, outwards: Floats, neighbours: Floats, heights: Floa
 def fit_patches(points: Floats, outwards: Floats, neighbours: Floats, heights: Floats | None = None) -> SurfacePatch:
     """Return the patches around points (k, 3) by least squares over neighbours (k, n, 3) [m], n > 10.
 
-    The z axes are the unit vectors `outwards` (k, 3). Curvatures are eigenvalues of g^-1 h with the first and second
+    z = f + d x + e y + (a x^2 + 2 b x y + c y^2)/2 + terms of third order; the z axes are the unit vectors `outwards`
+    (k, 3). Curvatures are eigenvalues of g^-1 h with the first and second
     fundamental forms g and h at x = y = 0. Terms of third order keep the slope right where the curvature changes; those
     of fourth order are taken for those of a sphere, which put a curvature k off by 2/3 k^3 r^2, r the root mean square
     distance of the neighbours. `heights` (k, n, n) [m^2] is the covariance of the neighbours' z, besides their scatter

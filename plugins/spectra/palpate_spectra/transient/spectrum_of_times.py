@@ -45,11 +45,13 @@ def density(curve: ModulusCurve) -> tuple[Floats, Floats, Floats]:
 
 def decades(curve: ModulusCurve) -> list[Decade]:
     """Return the strengths of the decades of time, which are better determined than H itself."""
-    times, free, estimate = curve.fit.times, curve.fit.free, curve.fit.estimate
+    times, estimate = curve.fit.times, curve.fit.estimate
+    free = curve.fit.free  # coefficients before those of the spectrum
     times_per_decade = round(math.log(10) / math.log(times[1] / times[0]))
     strengths = []
     for first in range(0, len(times), times_per_decade):
         members = np.arange(first, min(first + times_per_decade, len(times)))
+        # The strength is the sum of the decade's coefficients.
         selection = np.zeros(len(estimate.values))
         selection[free + members] = 1.0
         variance = max(float(selection @ estimate.covariance @ selection), 0.0)
