@@ -18,12 +18,11 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
 
+from palpate_spectra.first_touch import excess_distance, first_touch
+
 # Choices, as docs/spectrum.md states those that a user meets.
 _MIN_SAMPLES = 200  # in contact without a gap
 _GAP_INTERVALS = 2.5  # of the usual interval: a longer one between two samples is a gap
-_MIN_AIR_SAMPLES = 50  # before the touch, from which on the air determines the force's zero and noise
-_VISIBLE_SIGMAS = 5.0  # of the air's noise, from which on the force is seen to have risen
-_TOUCH_DEPTH_SHARE = 0.4  # depth at 1 sigma over that at 5 sigma; (1/5)^(2/3) = 0.34 of a force by d^1.5
 _MASS_STD_SHARE = 0.05  # of the tip's mass, where no uncertainty of it is declared
 _COMPLIANCE_STD_SHARE = 0.1  # of a rig's compliance, whose uncertainty is never declared
 
@@ -204,41 +203,6 @@ def _surface_std(track_std: float, samples: Samples, surface: float) -> float:
     """
     finite_std = track_std if math.isfinite(track_std) else 0.0
     return math.hypot(finite_std, excess_distance(first_touch(samples), surface))
-
-
-def excess_distance(touch: tuple[float, float] | None, surface: float) -> float:
-    """Return how much farther [m] a surface [m] is from a touch (height, tolerance) [m] than the tolerance.
-
-    0 without a touch.
-    """
-    if touch is None:
-        return 0.0
-    height, tolerance = touch
-    return max(abs(height - surface) - tolerance, 0.0)
-
-
-def first_touch(samples: Samples) -> tuple[float, float] | None:
-    """Return the height [m] of the first touch, and its tolerance [m]; None of a record without free air.
-
-    The tolerance is the depth at which the force is as large as its noise: some 0.4 of the depth at which it is
-    five times as large (of a force that goes with d^1.5).
-    """
-    contact_rows = np.flatnonzero(samples.contact)
-    if not len(contact_rows) or contact_rows[0] < _MIN_AIR_SAMPLES:
-        return None
-    onset = int(contact_rows[0])
-    # The force in air before: its zero, and its white noise by first differences, whose variance is twice as large.
-    air_force = samples.force[:onset][np.isfinite(samples.force[:onset])]
-    if len(air_force) < _MIN_AIR_SAMPLES // 2:
-        return None
-    noise = float(np.std(np.diff(air_force)) / math.sqrt(2))
-    rise = samples.force[onset:] - float(np.median(air_force))
-    visible_rows = np.flatnonzero(rise > _VISIBLE_SIGMAS * noise)
-    if not len(visible_rows):
-        return None
-    height = float(np.nanmean(samples.position[onset - 1 : onset + 1]))
-    visible_depth = abs(float(samples.position[onset + visible_rows[0]]) - height)
-    return height, _TOUCH_DEPTH_SHARE * visible_depth
 
 
 def _declared_rig(pipeline: Pipeline) -> dict[str, Any]:

@@ -177,12 +177,8 @@ def fit_lines(time: Floats, channels: Floats, lines: Floats) -> tuple[LineFit, L
     past_sines = 2 + 2 * len(frequencies)
     phasors = coefficients[2:past_sines:2] - 1j * coefficients[3:past_sines:2]
 
-    spectrum = np.fft.rfft(channels - design @ coefficients, axis=0)
-    bin_frequencies = np.arange(len(spectrum)) / (n * interval)
-    is_noise = _noise_bins(bin_frequencies, n * interval, frequencies, float(lines[0]))
-    noise = [_noise_covariance(spectrum, n, bin_frequencies, is_noise, f) for f in frequencies.tolist()]
-    covariances = np.array([covariance for covariance, _ in noise])
-    freedom = np.array([degrees for _, degrees in noise])
+    residuals = channels - design @ coefficients
+    covariances, freedom = _noise_of_sines(residuals, interval, frequencies, float(lines[0]))
     channel_means = channels.mean(axis=0)
     count = len(lines)
     return (
@@ -196,6 +192,22 @@ def _slow_cosines(n: int, max_order: int) -> Floats:
     share = (np.arange(n) + 0.5) / n
     cosines = [np.cos(np.pi * order * share) for order in range(2, max_order + 1)]
     return np.column_stack([np.zeros((n, 0)), *cosines])
+
+
+def _noise_of_sines(
+    residuals: Floats, interval: float, frequencies: Floats, lowest_line: float
+) -> tuple[Phasors, Floats]:
+    """Return the covariances (k, c, c) of phasors at frequencies (k,) [Hz], and their degrees of freedom (k,).
+
+    By the spectrum of the fit's residuals (n, c) at an interval [s]; the trend goes up to a share of the lowest line.
+    """
+    n = len(residuals)
+    spectrum = np.fft.rfft(residuals, axis=0)
+    bin_frequencies = np.arange(len(spectrum)) / (n * interval)
+    is_noise = _noise_bins(bin_frequencies, n * interval, frequencies, lowest_line)
+    noise = [_noise_covariance(spectrum, n, bin_frequencies, is_noise, f) for f in frequencies.tolist()]
+    covariances, freedom = zip(*noise, strict=True)
+    return np.array(covariances), np.array(freedom)
 
 
 def _noise_bins(bin_frequencies: Floats, duration: float, sines: Floats, lowest_line: float) -> NDArray[np.bool_]:

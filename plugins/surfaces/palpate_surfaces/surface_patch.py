@@ -56,21 +56,22 @@ def fit_patches(points: Floats, outwards: Floats, neighbours: Floats, heights: F
     normal_length = np.sqrt(1.0 + d * d + e * e)  # of (-d, -e, 1)
 
     # Columns of `tangents` are those along x and y in the work frame; a vector's components along them are
-    # g^-1 tangents^T, with the first fundamental form g = 1 + slope slope^T.
+    # dual^T = g^-1 tangents^T, with the first fundamental form g = 1 + slope slope^T.
     inverse_metric = np.linalg.inv(np.eye(2) + slope[:, :, None] * slope[:, None])
     local_tangents = np.concatenate([np.broadcast_to(np.eye(2), (len(points), 2, 2)), slope[:, None]], axis=1)
     tangents = frame.transpose(0, 2, 1) @ local_tangents
+    dual = tangents @ inverse_metric
 
     # Shape operator g^-1 h of the second fundamental form h = -Hessian/length, from both sides in the work frame.
     hessian = np.stack([a, b, b, c], axis=-1).reshape(-1, 2, 2)
-    shape = -(tangents @ inverse_metric @ hessian @ inverse_metric @ tangents.transpose(0, 2, 1))
+    shape = -(dual @ hessian @ inverse_metric @ tangents.transpose(0, 2, 1))
     shape = shape / normal_length[:, None, None]
     upwards = np.stack([-d, -e, np.ones_like(d)], axis=-1)
     normal = (upwards[:, None] @ frame)[:, 0] / normal_length[:, None]
     curvature, directions = _principal_curvatures(shape, normal)
 
     # Uncertainties: the normal by the covariance of the slopes, curvatures by that of a, b, c and the fourth order.
-    tilt = -(tangents @ inverse_metric) / normal_length[:, None, None]
+    tilt = -dual / normal_length[:, None, None]
     fourth_order = _FOURTH_ORDER_SHARE * np.abs(curvature).max(axis=1) ** 3 * scale**2
     fit_std = _curvature_std((frame @ directions)[:, :2], covariance[:, 3:6, 3:6])
     return SurfacePatch(

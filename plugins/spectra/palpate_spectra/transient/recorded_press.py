@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from palpate import ContactModel, Flag, Floats, LogError
 from palpate_kit.numerics.holds import Hold, holds_of
 
-from palpate_spectra.recorded_oscillation import ReplayedSamples, first_touch
+from palpate_spectra.first_touch import first_touch
+from palpate_spectra.recorded_oscillation import ReplayedSamples
 from palpate_spectra.reduced_area import reduced_area
 
 # Choices.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-from palpate_spectra.recorded_oscillation import excess_distance
+from palpate_spectra.first_touch import excess_distance
 from palpate_spectra.transient.press_problem import PressProblem, PressUnknowns, SpectrumFit
 from palpate_spectra.transient.recorded_press import RecordedPress
 

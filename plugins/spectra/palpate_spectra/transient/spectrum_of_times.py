@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Flag, Floats
 
-from palpate_spectra.recorded_oscillation import excess_distance
+from palpate_spectra.first_touch import excess_distance
 from palpate_spectra.transient.relaxation_modulus import ModulusCurve
 
 # Choices.
