@@ -165,7 +165,7 @@ def test_a_tilt_that_no_air_tells_is_held_at_zero_and_counts(tilt):
     for seed in range(4):
         found = look(HERTZ, [6e4, 0.0], noise=0.03, air=1e-4, speed=8e-3, tilt=tilt, seed=seed)
         assert found.fit.tilt == 0
-        assert found.fitted.untold is not None
+        assert found.baseline_fit.undetermined is not None
         assert "baseline-unclear" in [flag.code for flag in found.flags]
         assert found.combined > 3 * found.fit.modulus_std
         covered += abs(found.fit.modulus - 6e4) < 2 * found.combined
@@ -176,7 +176,7 @@ def test_a_tilt_that_no_air_tells_is_held_at_zero_and_counts(tilt):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tilt_that_air_tells_is_taken_off_as_before(seed):
     found = look(HERTZ, [6e4, 0.0], noise=2e-3, air=8e-4, tilt=60.0, seed=seed)
-    assert found.fitted.untold is None
+    assert found.baseline_fit.undetermined is None
     assert abs(found.fit.tilt - 60.0) < 4 * found.fit.tilt_std
     assert abs(found.fit.modulus - 6e4) < 4 * found.combined
     codes = {flag.code for flag in found.flags}

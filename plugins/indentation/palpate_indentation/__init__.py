@@ -1,4 +1,4 @@
-"""Whole curves: one press looked at in all its depth, from where contact begins to where the tip comes off."""
+"""Whole curves: one press over all its depth, from the contact point to the pull-off."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from palpate import Command, FlagMeaning, plugin
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Analyses of a press."""
-    where = "palpate_indentation.indentation_command:indentation"
-    text = "A press as a whole: E over depth, contact point, adhesion, large strain."
-    return {"fit indentation": Command(where, text)}
+    return {
+        "fit indentation": Command(
+            "palpate_indentation.indentation_command:indentation",
+            "A press as a whole: E over depth, contact point, adhesion, large strain.",
+        ),
+    }
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What its flags mean."""
+    """Return the meanings of the flags of a press."""
     return {
         "modulus-over-depth": FlagMeaning(
             "doubtful",

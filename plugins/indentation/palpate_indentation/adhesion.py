@@ -1,165 +1,78 @@
-"""Adhesion: the theory that explains a way in, the pull on the way out, and what theories conclude from that."""
+"""Adhesion on the way in: the theory that explains it better than a law without adhesion."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Floats
 from palpate_engine import registry as registries
-from palpate_kit.numerics.normal_equations import standard_errors
 
-from palpate_indentation.approach_fit import CurveFit, correlation_time, fit_curve
+from palpate_indentation.approach_fit import CurveFit, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
-from palpate_indentation.sphere_laws import sphere_radius
+from palpate_indentation.sphere_laws import poisson_ratio, sphere_radius
 
-THEORIES = {"dmt": 2.0 * np.pi, "jkr": 1.5 * np.pi}  # largest pull over w R, by the name of the model
-_SIGMAS = 6.0  # of the noise, that the pull passes
-_SHARE = 0.01  # of the largest force, that it passes
-_IN_ALL = 5  # readings beyond
-_SAMPLES = 1500
-_HANGS_TOGETHER = 1.5  # samples, over which a residual is more than noise
-_SURE = 3.0  # standard uncertainties
-_DECISIVE = 10.0  # of BIC
-_RANGE = 3e-10  # [m] of the attraction between surfaces, in Tabor's parameter
+_JKR_PULL = 1.5 * np.pi  # largest pull over w R (Johnson, Kendall and Roberts 1971)
+_DMT_PULL = 2.0 * np.pi  # the same (Derjaguin, Muller and Toporov 1975)
+PULL_OF_THEORY = {"dmt": _DMT_PULL, "jkr": _JKR_PULL}  # by the name of the model
+_ATTRACTION_RANGE = 3e-10  # [m] between surfaces, in Tabor's parameter: a property of surfaces (0231)
 
-
-@dataclass(frozen=True)
-class PullOff:
-    """The largest pull on the way out."""
-
-    force: float  # [N] below the baseline
-    std: float  # [N]
+# A theory for the way in.
+_MIN_CORRELATION_TIME = 1.5  # samples, a choice: a residual that is correlated over more is not noise alone
+_MIN_WORK_SIGMAS = 3.0  # standard uncertainties of the work of adhesion (0366)
+_MIN_BIC_DIFFERENCE = 10.0  # very strong evidence (Kass and Raftery 1995; 0366)
 
 
 @dataclass(frozen=True)
-class Theory:
-    """A fit of a theory of adhesion to the way out."""
-
-    name: str
-    modulus: float  # [Pa]
-    modulus_std: float
-    work: float  # [J/m^2]
-    work_std: float
-    surface: float  # [m]
-    rms: float  # [N]
-
-
-@dataclass(frozen=True)
-class StickingLaw:
+class AdhesiveLaw:
     """The theory of adhesion that explains a way in, and its fit."""
 
     law: ElasticLaw
     fit: CurveFit
-    apart: float  # [Pa] by how much the modulus of another theory differs that explains it as well; 0: none does
+    ambiguity: float  # [Pa] distance of the modulus by another theory that explains the way in as well; 0: none does
 
 
-def law_that_sticks(
-    law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit, *, tilt: bool
-) -> StickingLaw | None:
+def adhesive_law(law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit, *, tilt: bool) -> AdhesiveLaw | None:
     """Return the theory of a sphere that explains a way in better than the law without adhesion; None where none does.
 
-    Sought only where the residual of the `plain` fit hangs together, so that something is not in its law.
+    Sought only where the residual of the `plain` fit is correlated, so that something is not in its law. `noise` [N] is
+    that of one reading.
     """
-    radius, poisson = sphere_radius(law.model), float(getattr(law.model, "poisson", 0.5))
-    if radius is None or law.unit != "Pa" or plain.correlation_time < _HANGS_TOGETHER:
+    radius, poisson = sphere_radius(law.model), poisson_ratio(law.model)
+    if radius is None or law.unit != "Pa" or plain.correlation_time < _MIN_CORRELATION_TIME:
         return None
-    pull = noise / (1.5 * np.pi * radius * plain.modulus)
-    top = float(plain.modulus * law.geometry(plain.surface - branch.height).max()) / noise
-    found = []
-    for model in _theories(radius, poisson).values():
-        own = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=pull * np.sqrt(max(top, 1.0)))
-        fit = fit_curve(own, branch, noise, tilt=tilt)
-        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.work > _SURE * fit.work_std:
-            found.append(StickingLaw(replace(own, adhesion=fit.work / fit.modulus), fit, 0.0))
-    if not found:
+    # The search begins between an adhesion whose pull is the noise and one whose pull is the largest force.
+    noise_adhesion = noise / (_JKR_PULL * radius * plain.modulus)  # [m] work over modulus
+    force_over_noise = float(plain.modulus * law.geometry(plain.surface - branch.height).max()) / noise
+    start_adhesion = noise_adhesion * np.sqrt(max(force_over_noise, 1.0))
+    candidates = []
+    for model in installed_theories(radius, poisson).values():
+        start_law = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=start_adhesion)
+        fit = fit_curve(start_law, branch, noise, tilt=tilt)
+        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.work > _MIN_WORK_SIGMAS * fit.work_std:
+            fitted_law = replace(start_law, adhesion=fit.work / fit.modulus)
+            candidates.append(AdhesiveLaw(fitted_law, fit, ambiguity=0.0))
+    if not candidates:
         return None
-    best, *others = sorted(found, key=lambda one: one.fit.rms)
-    if not best.fit.bic_above(plain, 1) < -_DECISIVE:
+
+    # Evidence, 10 of BIC, against the law without adhesion, whose fit has one unknown less, and between the theories.
+    best, *others = sorted(candidates, key=lambda candidate: candidate.fit.rms)
+    if not best.fit.bic_above(plain, 1) < -_MIN_BIC_DIFFERENCE:
         return None
-    apart = [one.fit.modulus - best.fit.modulus for one in others if one.fit.bic_above(best.fit, 0) < _DECISIVE]
-    return replace(best, apart=float(np.max(np.abs(apart), initial=0.0)))
+    rivals = [other.fit for other in others if other.fit.bic_above(best.fit, 0) < _MIN_BIC_DIFFERENCE]
+    distances = [rival.modulus - best.fit.modulus for rival in rivals]
+    return replace(best, ambiguity=float(np.max(np.abs(distances), initial=0.0)))
 
 
-def pull_off(retract: Branch, noise: float) -> PullOff | None:
-    """Return the pull of a way out; None if none exceeds the noise, or without air behind to compare it with."""
-    count = len(retract)
-    air = retract.force[-max(count // 20, 10) :]
-    level, scatter = float(np.median(air)), max(float(air.std(ddof=1)), noise)
-    pull = level - retract.force
-    limit = max(_SIGMAS * noise, 3.0 * scatter, _SHARE * float(np.max(retract.force) - level))
-    if np.count_nonzero(pull > limit) < _IN_ALL:
-        return None
-    deepest = np.sort(pull)[-3:]
-    return PullOff(float(np.median(deepest)), float(np.hypot(noise, scatter / np.sqrt(len(air)))))
-
-
-def theories(retract: Branch, approach: CurveFit, pull: PullOff, radius: float, poisson: float) -> Iterator[Theory]:
-    """Yield the theories that are installed, each fitted to the way out: modulus, work, surface and offset."""
-    for name, model in _theories(radius, poisson).items():
-        yield _fitted(name, model, retract, approach, pull, THEORIES[name] * radius)
-
-
-def _theories(radius: float, poisson: float) -> dict[str, Any]:
+def installed_theories(radius: float, poisson: float) -> dict[str, Any]:
     """Return the theories that are installed, by name."""
     parts = registries.load().parts["model"]
     settings = {"radius": radius, "poisson": poisson}
-    return {name: parts[name].part.model_validate(settings) for name in THEORIES if name in parts}
+    return {name: parts[name].part.model_validate(settings) for name in PULL_OF_THEORY if name in parts}
 
 
 def tabor(radius: float, work: float, modulus: float, poisson: float) -> float:
-    """(R w^2/(E*^2 z0^3))^(1/3): above 5 the contact is JKR's, below 0.1 DMT's (Tabor 1977)."""
-    plane = modulus / (1.0 - poisson**2)
-    return float((radius * work**2 / (plane**2 * _RANGE**3)) ** (1 / 3))
-
-
-def _fitted(name: str, model: ContactModel, branch: Branch, start: CurveFit, pull: PullOff, factor: float) -> Theory:
-    """Least squares over what is still in contact, and the air behind for the offset.
-
-    Where the tip comes off is seen in the record; a force that jumps there would leave least squares without a slope.
-    """
-    from scipy.optimize import least_squares
-
-    count = len(branch)
-    air = branch.force[-max(count // 20, 10) :]
-    level = float(np.median(air))
-    held = int(np.flatnonzero(level - branch.force > 0.5 * pull.force)[-1]) + 1
-    step = max(held // _SAMPLES, 1)
-    height, force = branch.height[:held:step], branch.force[:held:step]
-    top, reach, work = float(np.ptp(branch.force)), float(np.ptp(height)), pull.force / factor
-    behind = air[:: max(len(air) * step // count, 1)]
-
-    def theta(x: Floats) -> list[float]:
-        return [start.modulus * float(np.exp(x[0])), work * float(np.exp(x[1]))]
-
-    def left(x: Floats) -> Floats:
-        values = theta(x)
-        depth = np.maximum(start.surface + reach * x[2] - height, float(model.pull_off_depth(values)))
-        expected = np.asarray(model.force(depth, 0.0 * depth, values), float)
-        return np.concatenate([force - level - top * x[3] - expected, behind - level - top * x[3]]) / top
-
-    low, high = [-7.0, -4.0, -3.0, -1.0], [7.0, 4.0, 3.0, 1.0]
-    if not model.pull_off_depth([1.0, 1.0]):  # no contact above the surface: all of what is held lies below it
-        low[2] = min((float(height.max()) - start.surface) / reach, 2.9)
-    pulled = (float(height[np.argmin(force)]) - start.surface) / reach
-    starts = sorted(
-        (
-            np.clip([modulus, 0.0, pulled + surface, 0.0], np.array(low) + 1e-9, np.array(high) - 1e-9)
-            for surface in np.linspace(-0.3, 0.15, 19).tolist()
-            for modulus in (-1.4, -0.7, 0.0, 0.7, 1.4)
-        ),
-        key=lambda x: float(np.sum(left(x) ** 2)),
-    )
-    solutions = [least_squares(left, x, bounds=(low, high), x_scale="jac") for x in starts[:4]]
-    best = min(solutions, key=lambda found: float(found.cost))
-    x, residual, jacobian = best.x, left(best.x), np.asarray(best.jac)
-    time = correlation_time(residual)
-    variance = float(residual @ residual) / max(len(residual) - 4 * time, 0.1 * len(residual))
-    std = standard_errors(jacobian) * np.sqrt(variance * time)
-    modulus, energy = theta(x)
-    rms = top * float(np.sqrt(np.mean(residual**2)))
-    surface = start.surface + reach * float(x[2])
-    return Theory(name, modulus, modulus * float(std[0]), energy, energy * float(std[1]), surface, rms)
+    """Return (R w^2/(E*^2 z0^3))^(1/3): above 5 the contact is JKR's, below 0.1 DMT's (Tabor 1977)."""
+    plane_modulus = modulus / (1.0 - poisson**2)
+    return float((radius * work**2 / (plane_modulus**2 * _ATTRACTION_RANGE**3)) ** (1 / 3))

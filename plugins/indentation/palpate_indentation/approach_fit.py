@@ -5,89 +5,59 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.numerics.normal_equations import scaled_inverse
-from palpate_kit.numerics.variable_projection import best_place, linear_part
 
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
+from palpate_indentation.surface_search import LinearModel, SurfaceCandidate, best_surface, with_best_adhesion
 
-_GRID = 61  # heights that are tried together
-_LEVELS = 4  # each a tenth of the one before
-_THIN = 500  # readings, by which an adhesion is looked for
-_WIDE = 300.0  # times more and less than what it is looked for about
-_ROBUST = 1.5  # noise standard deviations from which on a reading counts less
-_LAGS = 400  # samples over which residuals may hang together
+_MAX_LOG_ADHESION = 9.0  # a choice: a factor of 8000 either way keeps the exponential finite
+_ROBUST_SIGMAS = 1.5  # of the noise, a choice: from there on a reading counts less
+_MIN_LOSS_SCALE = 1e-12  # guards against a division by 0
+_PRECISION = 1e-14  # relative, of the refined fit: some roundings of a double
+_MAX_LAG = 400  # samples, a choice: over which residuals are examined for correlation
+_MAX_LAG_SHARE = 4  # of the samples: longer lags have too few pairs, a choice
+_WINDOW = 5.0  # correlation times that the sum of autocorrelations extends over (Sokal 1997)
+_MIN_FREEDOM = 0.1  # of the samples, a choice: fewer degrees of freedom would make the variance arbitrary
 
 
 @dataclass(frozen=True)
 class CurveFit:
-    """What least squares finds."""
+    """The estimate of least squares, with standard uncertainties."""
 
     modulus: float
     modulus_std: float
     surface: float  # [m]
     surface_std: float  # [m]
     offset: float  # [N] of the baseline at the surface
-    tilt: float  # [N/m] of it over height
+    offset_std: float  # [N]
+    tilt: float  # [N/m] of the baseline over height
+    tilt_std: float  # [N/m]
     residual: Floats  # (n,) [N] force less law
     correlation_time: float  # samples that count as one; 1 where residuals are white
     rms: float  # [N]
-    offset_std: float  # [N]
-    tilt_std: float  # [N/m]
-    viscosity: float  # [SI] beyond what the law holds; 0 where it is not looked for
+    viscosity: float  # [SI] beyond that of the law; 0 where it is not an unknown
     viscosity_std: float
-    work: float = 0.0  # [J/m^2] of adhesion; 0 of a law that does not stick
+    work: float = 0.0  # [J/m^2] of adhesion; 0 of a law without adhesion
     work_std: float = 0.0
 
     def baseline(self, height: Floats) -> Floats:
-        """(n,) [N]."""
+        """Return the force (n,) [N] without contact at heights (n,) [m]."""
         return self.offset + self.tilt * (height - self.surface)
 
     @property
     def effective(self) -> float:
-        """How many samples count."""
+        """Number of independent samples that the correlated ones are worth."""
         return len(self.residual) / self.correlation_time
 
     def bic_above(self, other: CurveFit, more: int) -> float:
-        """BIC above that of another fit of the same readings that has so many unknowns less.
+        """Return the BIC above that of another fit of the same readings, which has `more` unknowns less.
 
-        The readings count that do in the fit whose residual hangs together over the shorter time.
+        The readings count as many as in that of the two fits whose residual is correlated over the shorter time.
         """
         count = max(self.effective, other.effective)
         return 2.0 * count * float(np.log(self.rms / other.rms)) + more * float(np.log(count))
-
-
-@dataclass(frozen=True)
-class _Columns:
-    """What the force is linear in, at any height of the surface: modulus, offset, and what else is looked for."""
-
-    law: ElasticLaw
-    branch: Branch
-    tilt: bool
-    viscous: bool
-    touching: NDArray[np.bool_] | None = None  # (n,) readings in contact, where they do not follow from the surface
-
-    def at(self, surface: float, sticks: float = 1.0) -> tuple[Floats, Floats]:
-        """Columns (n, k), and the force (n,) [N] less what is held; of `sticks` times the law's adhesion."""
-        depth, law = surface - self.branch.height, self.law
-        if sticks != 1.0:
-            law = replace(law, adhesion=sticks * law.adhesion)
-        geometry = law.geometry(depth) if self.touching is None else np.where(self.touching, law.stuck(depth), 0.0)
-        columns = [geometry, np.ones(len(self.branch))]
-        if self.tilt:
-            columns.append(self.branch.height - surface)
-        if self.viscous:
-            columns.append(self.law.damping(depth, self.branch.rate))
-        return np.column_stack(columns), self.branch.force - self.law.rest(depth, self.branch.rate)
-
-    def scales(self, modulus: float) -> Floats:
-        """Sizes (k,) of the unknowns."""
-        force, rate = float(np.ptp(self.branch.force)), float(np.max(np.abs(self.branch.rate)))
-        reach, size = float(np.ptp(self.branch.height)), max(abs(modulus), 1e-300)
-        tilt, viscous = [force / reach] * self.tilt, [size * reach / max(rate, 1e-300)] * self.viscous
-        return np.array([size, force, *tilt, *viscous])
 
 
 def fit_curve(
@@ -99,111 +69,150 @@ def fit_curve(
     robust: bool = False,
     viscous: bool = False,
 ) -> CurveFit:
-    """Return the fit of a branch; viscosity is looked for where `viscous`, and adhesion about that of a law that
-    sticks."""
-    columns = _Columns(law, branch, tilt, viscous)
+    """Return the least-squares fit of a branch whose readings have a noise [N].
+
+    Unknowns: modulus, surface and offset; with `tilt` that of the baseline, with `viscous` a viscosity beyond that of
+    the law, and the work of adhesion of a law that has one, about that of the law. `robust`: by the soft-L1 loss.
+    """
+    model = LinearModel(law, branch, tilt, viscous)
     if law.adhesion:
-        columns = _with_adhesion(columns)
-    _, linear, surface = _search(columns, _grid(branch))
-    return _refined(columns, noise, robust, linear, surface)
+        model = with_best_adhesion(model)
+    return _refined_fit(_scaled_problem(model, best_surface(model), noise), robust)
 
 
-def _search(columns: _Columns, heights: Floats) -> tuple[float, Floats, float]:
-    """Sum of squares, linear unknowns and the surface [m] of the best height, on a grid that gets finer."""
-    best = min((_linear(columns, float(z)) for z in heights), key=lambda found: found[0])
-    width = float(np.ptp(heights)) / (_GRID - 1)
-    for _ in range(_LEVELS):
-        around = best[2] + np.linspace(-width, width, 21)
-        best = min([best, *(_linear(columns, float(z)) for z in around)], key=lambda found: found[0])
-        width /= 10.0
-    return best
+@dataclass(frozen=True)
+class _ScaledProblem:
+    """Least squares over all unknowns at once, from the best surface of the search.
+
+    Scaled unknowns x (p,): the k linear ones in units of their sizes, for an adhesive law the logarithm of the factor
+    on its adhesion, and last the shift of the surface in units of the travel.
+    """
+
+    model: LinearModel
+    start: SurfaceCandidate
+    sizes: Floats  # (k,)
+    travel: float  # [m]
+    noise: float  # [N]
+
+    @property
+    def is_adhesive(self) -> bool:
+        """True if the work of adhesion is an unknown."""
+        return self.model.law.adhesion > 0
+
+    def linear_unknowns(self, x: Floats) -> Floats:
+        """Return the linear part of scaled unknowns, or of their uncertainties, (k,) [SI]."""
+        return x[: len(self.sizes)] * self.sizes
+
+    def residual(self, x: Floats) -> Floats:
+        """Return the residuals (n,) in units of the noise."""
+        factor = 1.0
+        if self.is_adhesive:
+            factor = float(np.exp(np.clip(x[-2], -_MAX_LOG_ADHESION, _MAX_LOG_ADHESION)))
+        columns, force = self.model.columns_at(self.start.surface + x[-1] * self.travel, factor)
+        return np.asarray((force - columns @ self.linear_unknowns(x)) / self.noise)
 
 
-def _with_adhesion(columns: _Columns) -> _Columns:
-    """Return the columns with the adhesion of the least sum of squares, by some hundred readings, about that of the
-    law."""
-    thin = columns.branch.part(slice(None, None, max(len(columns.branch) // _THIN, 1)))
+def _scaled_problem(model: LinearModel, start: SurfaceCandidate, noise: float) -> _ScaledProblem:
+    """Return the problem whose readings in contact stay those of the start, if the law is adhesive.
 
-    def of(ratio: float, branch: Branch) -> _Columns:
-        return replace(columns, law=replace(columns.law, adhesion=ratio), branch=branch)
-
-    ratios = columns.law.adhesion * _WIDE ** np.linspace(-1.0, 1.0, 9)
-    ratio, _ = best_place(lambda ratio, surface, _: _linear(of(ratio, thin), surface)[0], ratios, _grid(thin))
-    return of(ratio, columns.branch)
+    A force that jumps where the tip touches would leave least squares without a slope.
+    """
+    sizes, travel = model.sizes(float(start.unknowns[0])), float(np.ptp(model.branch.height))
+    if model.law.adhesion:
+        model = replace(model, touching=model.law.geometry(start.surface - model.branch.height) != 0)
+    return _ScaledProblem(model, start, sizes, travel, noise)
 
 
-def _grid(branch: Branch) -> Floats:
-    """Heights on the way, denser where the force is small."""
-    low, high = float(branch.height.min()), float(branch.height.max())
-    return np.linspace(low + 0.02 * (high - low), high, _GRID)
-
-
-def _linear(columns: _Columns, surface: float) -> tuple[float, Floats, float]:
-    """Sum of squares, linear unknowns and the surface; a modulus below 0 does not count."""
-    found = linear_part(*columns.at(surface))
-    return found.squares if found.unknowns[0] > 0 else np.inf, found.unknowns, surface
-
-
-def _refined(columns: _Columns, noise: float, robust: bool, linear: Floats, surface: float) -> CurveFit:
+def _refined_fit(problem: _ScaledProblem, robust: bool) -> CurveFit:
+    """Return the least squares of a problem in the units of its unknowns, with standard uncertainties."""
     from scipy.optimize import least_squares
 
-    reach, scale = float(np.ptp(columns.branch.height)), columns.scales(float(linear[0]))
-    sticks, count = columns.law.adhesion > 0, len(linear)
-    if sticks:  # a force that jumps where the tip touches would leave least squares without a slope
-        columns = replace(columns, touching=columns.law.geometry(surface - columns.branch.height) != 0)
-
-    def residual(x: Floats) -> Floats:
-        factor = float(np.exp(np.clip(x[count], -9.0, 9.0))) if sticks else 1.0
-        matrix, force = columns.at(surface + x[-1] * reach, factor)
-        return np.asarray((force - matrix @ (x[:count] * scale)) / noise)
-
-    start = np.concatenate([linear / scale, [0.0] * (1 + sticks)])
-    loss = "soft_l1" if robust else "linear"
-    solved = least_squares(
-        residual, start, loss=loss, f_scale=_ROBUST, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14
+    model, start = problem.model, problem.start
+    solution = least_squares(
+        problem.residual,
+        np.concatenate([start.unknowns / problem.sizes, [0.0] * (1 + problem.is_adhesive)]),
+        loss="soft_l1" if robust else "linear",
+        f_scale=_ROBUST_SIGMAS,  # the linear loss has no scale
+        x_scale="jac",
+        xtol=_PRECISION,
+        ftol=_PRECISION,
+        gtol=_PRECISION,
     )
-    x, left = solved.x, residual(solved.x)
-    covariance, time = _covariance(np.asarray(solved.jac), left, robust)
+    x, residual = solution.x, problem.residual(solution.x)
+    covariance, correlation = _covariance(np.asarray(solution.jac), residual, robust)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    values, errors = x[:count] * scale, std[:count] * scale
-    names = ["modulus", "offset", *(["tilt"] * columns.tilt), *(["viscosity"] * columns.viscous)]
-    found = {"tilt": 0.0, "viscosity": 0.0, **dict(zip(names, values.tolist(), strict=True))}
-    stds = {"tilt": 0.0, "viscosity": 0.0, **dict(zip(names, errors.tolist(), strict=True))}
-    work, work_std = 0.0, 0.0
-    if sticks:  # the product of modulus and what it sticks
-        work = columns.law.adhesion * float(np.exp(x[count])) * found["modulus"]
-        share = covariance[0, 0] / x[0] ** 2 + covariance[count, count] + 2 * covariance[0, count] / x[0]
-        work_std = work * float(np.sqrt(max(share, 0.0)))
+
+    # Back to the units of the unknowns.
+    values = dict(zip(model.unknown_names, problem.linear_unknowns(x).tolist(), strict=True))
+    stds = dict(zip(model.unknown_names, problem.linear_unknowns(std).tolist(), strict=True))
+    work = work_std = 0.0
+    if problem.is_adhesive:
+        work, work_std = _adhesion_work(model.law, x, covariance, values["modulus"])
     return CurveFit(
-        found["modulus"], stds["modulus"], surface + float(x[-1]) * reach, float(std[-1] * reach), found["offset"],
-        found["tilt"], noise * left, time, noise * float(np.sqrt(np.mean(left**2))), stds["offset"], stds["tilt"],
-        found["viscosity"], stds["viscosity"], work, work_std,
-    )  # fmt: skip
+        modulus=values["modulus"],
+        modulus_std=stds["modulus"],
+        surface=start.surface + float(x[-1]) * problem.travel,
+        surface_std=float(std[-1] * problem.travel),
+        offset=values["offset"],
+        offset_std=stds["offset"],
+        tilt=values.get("tilt", 0.0),
+        tilt_std=stds.get("tilt", 0.0),
+        residual=problem.noise * residual,
+        correlation_time=correlation,
+        rms=problem.noise * float(np.sqrt(np.mean(residual**2))),
+        viscosity=values.get("viscosity", 0.0),
+        viscosity_std=stds.get("viscosity", 0.0),
+        work=work,
+        work_std=work_std,
+    )
 
 
-def _covariance(jacobian: Floats, left: Floats, robust: bool) -> tuple[Floats, float]:
-    """Of the scaled unknowns (k, k), from residuals (n,) in standard deviations; and how many of them count as one."""
-    if robust:  # scipy's Jacobian is scaled by the loss
-        jacobian = jacobian / np.maximum((1 + (left / _ROBUST) ** 2) ** -0.75, 1e-12)[:, None]
-    influence = left / np.sqrt(1 + (left / _ROBUST) ** 2) if robust else left
-    slope = (1 + (left / _ROBUST) ** 2) ** -1.5 if robust else np.ones(len(left))
-    time = correlation_time(influence)
-    bread = scaled_inverse(jacobian.T @ (slope[:, None] * jacobian))
-    variance = float((influence**2).sum()) / max(len(left) - time * jacobian.shape[1], 0.1 * len(left))
-    return time * variance * bread @ (jacobian.T @ jacobian) @ bread, time
+def _adhesion_work(law: ElasticLaw, x: Floats, covariance: Floats, modulus: float) -> tuple[float, float]:
+    """Return the work of adhesion [J/m^2] and its standard uncertainty, from the scaled unknowns (p,) and (p, p).
+
+    w = a exp(x_a) E with the law's adhesion a, the logarithm x_a, last but one of the unknowns, and the modulus E,
+    which is in proportion to the first: var(w)/w^2 = var(x_0)/x_0^2 + var(x_a) + 2 cov(x_0, x_a)/x_0.
+    """
+    work = law.adhesion * float(np.exp(x[-2])) * modulus
+    relative_variance = covariance[0, 0] / x[0] ** 2 + covariance[-2, -2] + 2 * covariance[0, -2] / x[0]
+    return work, work * float(np.sqrt(max(relative_variance, 0.0)))
+
+
+def _covariance(jacobian: Floats, residual: Floats, robust: bool) -> tuple[Floats, float]:
+    """Return the covariance (p, p) of the unknowns of a fit, and how many samples count as one.
+
+    From the slopes (n, p) and residuals r (n,) in units of the noise. An M-estimator has the covariance t s^2
+    B J^T J B with B = (J^T diag(psi') J)^-1 (Huber 1981): psi = r, or for the soft-L1 loss of scale C, with
+    z = 1 + (r/C)^2, psi = r z^(-1/2) and psi' = z^(-3/2). s^2 is the variance of psi, t its correlation time.
+    """
+    influence = residual
+    influence_slope = np.ones(len(residual))
+    if robust:
+        z = 1 + (residual / _ROBUST_SIGMAS) ** 2
+        # scipy returns the slopes multiplied by the root of psi'.
+        jacobian = jacobian / np.maximum(z**-0.75, _MIN_LOSS_SCALE)[:, None]
+        influence = residual / np.sqrt(z)
+        influence_slope = z**-1.5
+    count, unknown_count = jacobian.shape
+    correlation = correlation_time(influence)
+    bread = scaled_inverse(jacobian.T @ (influence_slope[:, None] * jacobian))
+    freedom = max(count - correlation * unknown_count, _MIN_FREEDOM * count)
+    variance = float((influence**2).sum()) / freedom
+    return correlation * variance * bread @ (jacobian.T @ jacobian) @ bread, correlation
 
 
 def correlation_time(residual: Floats) -> float:
-    """Return how many samples count as one: 1 + 2 sum of autocorrelations, over a window that grows with it (Sokal
-    1997)."""
-    left = residual - residual.mean()
-    power = float(left @ left)
+    """Return how many samples (n,) count as one: 1 + 2 sum of autocorrelations.
+
+    The sum ends at the first lag beyond five times its own value (Sokal 1997, automatic windowing).
+    """
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
     if power == 0:
         return 1.0
-    most = min(_LAGS, len(left) // 4)
     total = 1.0
-    for lag in range(1, most):
-        total += 2.0 * float(left[:-lag] @ left[lag:]) / power
-        if lag >= 5.0 * total:
+    for lag in range(1, min(_MAX_LAG, len(centred) // _MAX_LAG_SHARE)):
+        total += 2.0 * float(centred[:-lag] @ centred[lag:]) / power
+        if lag >= _WINDOW * total:
             break
     return max(total, 1.0)

@@ -11,11 +11,11 @@ from palpate_indentation.approach_fit import CurveFit, correlation_time, fit_cur
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
 
-_TOP = 0.01  # of the way
-_LEAST_AIR = 10  # samples of air that a line is laid through
-_MATTERS = 0.1  # of the press's force: what a baseline, or its uncertainty, is looked at from
-_FURTHER = 4.0  # times its length to which a line through air is continued
-_DECISIVE = 10.0  # of BIC, by which a tilt that is a large part of the force must explain the press better than none
+_MIN_AIR = 0.01  # of the travel, a choice: a surface that is nearer to the top leaves no air
+_MIN_AIR_SAMPLES = 10  # a choice: the scatter about a line through fewer shows nothing
+_MAX_TILT_FORCE = 0.1  # of the press's force (0185): up to there a tilt, or its uncertainty, is accepted
+_MAX_EXTRAPOLATION = 4.0  # lengths of the air (0185): a large tilt is trusted for a press up to so deep
+_MIN_BIC_DIFFERENCE = 10.0  # very strong evidence (Kass and Raftery 1995), for a tilt that is a large part of the force
 
 
 @dataclass(frozen=True)
@@ -23,31 +23,34 @@ class BaselineFit:
     """The fit of a press, with the tilt that its air determines."""
 
     fit: CurveFit
-    untold: CurveFit | None  # with a tilt that the air does not determine; None where it does, or if not requested
+    undetermined: CurveFit | None  # fit with a tilt that the air does not determine; None if it does, or none is fitted
 
     @property
     def by_tilt(self) -> float:
         """Standard uncertainty [unit of the modulus] by a tilt that is held at zero.
 
-        How far the tilt that least squares would choose moves the modulus, at least what its own uncertainty adds; at
-        most all of the modulus.
+        It is the shift of the modulus by the tilt of least squares, at least what that tilt adds to the uncertainty of
+        the modulus, and at most the modulus.
         """
-        if self.untold is None:
+        if self.undetermined is None:
             return 0.0
-        added = np.sqrt(max(self.untold.modulus_std**2 - self.fit.modulus_std**2, 0.0))
-        return float(min(max(abs(self.untold.modulus - self.fit.modulus), added), self.fit.modulus))
+        added_std = np.sqrt(max(self.undetermined.modulus_std**2 - self.fit.modulus_std**2, 0.0))
+        shift = abs(self.undetermined.modulus - self.fit.modulus)
+        return float(min(max(shift, added_std), self.fit.modulus))
 
 
 def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt: bool, robust: bool) -> BaselineFit:
     """Return the fit with the baseline that the air determines; raises LogError where nothing fits, or without air."""
     level = fit_curve(law, branch, noise, tilt=False, robust=robust)
     tilted = fit_curve(law, branch, noise, tilt=True, robust=robust) if tilt else None
-    if tilted is not None and _sound(tilted) and _begins_in_air(tilted, branch) and _told(law, branch, tilted, level):
-        return BaselineFit(tilted, None)
-    if not _sound(level):
+    sound_tilted = tilted if tilted is not None and _is_sound(tilted) else None
+    has_air = sound_tilted is not None and _begins_in_air(sound_tilted, branch)
+    if sound_tilted is not None and has_air and _is_tilt_determined(law, branch, sound_tilted, level):
+        return BaselineFit(sound_tilted, None)
+    if not _is_sound(level):
         raise LogError(f"{name}: no modulus above 0 explains the force")
     if not _begins_in_air(level, branch):
-        bent = ", or its force bends less than the model's" if tilted is not None and _sound(tilted) else ""
+        bent = ", or its force bends less than the model's" if sound_tilted is not None else ""
         raise LogError(f"{name}: the record begins in contact{bent}: without air no contact point can be found")
     return BaselineFit(level, tilted)
 
@@ -57,34 +60,38 @@ def force_of(law: ElasticLaw, branch: Branch, fit: CurveFit) -> float:
     return float(np.max(np.abs(fit.modulus * law.geometry(fit.surface - branch.height))))
 
 
-def _sound(fit: CurveFit) -> bool:
+def _is_sound(fit: CurveFit) -> bool:
     return bool(np.isfinite([fit.modulus, fit.modulus_std, fit.surface]).all()) and fit.modulus > 0
 
 
 def _begins_in_air(fit: CurveFit, branch: Branch) -> bool:
-    return fit.surface <= float(branch.height.max() - _TOP * np.ptp(branch.height))
+    return fit.surface <= float(branch.height.max() - _MIN_AIR * np.ptp(branch.height))
 
 
-def _told(law: ElasticLaw, branch: Branch, fit: CurveFit, level: CurveFit) -> bool:
-    """Whether the tilt is known beyond 10 % of the force from the air, and beyond doubt where it is larger than that.
+def _is_tilt_determined(law: ElasticLaw, branch: Branch, tilted: CurveFit, level: CurveFit) -> bool:
+    """Return True if air determines the tilt to 10 % of the force, and a tilt beyond that without doubt.
 
     A press that hardly bends looks like a tilt: so only the air may determine it, and a tilt that is much of the
     force needs air over a fourth of the depth at least, and evidence that the press does not follow a level baseline.
     """
-    depth, air = float(fit.surface - branch.height.min()), branch.height > fit.surface
-    limit = _MATTERS * force_of(law, branch, fit) / depth
-    by_air = _tilt_std(branch.height[air], branch.force[air])
-    if max(by_air, fit.tilt_std) > limit:
+    depth = float(tilted.surface - branch.height.min())
+    is_air = branch.height > tilted.surface
+    tilt_limit = _MAX_TILT_FORCE * force_of(law, branch, tilted) / depth  # [N/m]
+    if max(_line_tilt_std(branch.height[is_air], branch.force[is_air]), tilted.tilt_std) > tilt_limit:
         return False
-    long = _FURTHER * float(np.ptp(branch.height[air])) >= depth
-    return abs(fit.tilt) <= limit or (long and fit.effective * 2.0 * np.log(level.rms / fit.rms) > _DECISIVE)
+    # A larger tilt: the air over a fourth of the depth, and 10 of BIC against a level baseline.
+    if abs(tilted.tilt) <= tilt_limit:
+        return True
+    air_length = float(np.ptp(branch.height[is_air]))
+    bic_difference = tilted.effective * 2.0 * np.log(level.rms / tilted.rms)
+    return bool(_MAX_EXTRAPOLATION * air_length >= depth and bic_difference > _MIN_BIC_DIFFERENCE)
 
 
-def _tilt_std(height: Floats, force: Floats) -> float:
-    """Standard uncertainty [N/m] of the slope of a line through air; infinite without air."""
-    away = height - height.mean() if len(height) else height
-    if len(height) < _LEAST_AIR or not np.any(away):
+def _line_tilt_std(height: Floats, force: Floats) -> float:
+    """Return the standard uncertainty [N/m] of the slope of a line through air (n,); infinite without air."""
+    centred = height - height.mean() if len(height) else height
+    if len(height) < _MIN_AIR_SAMPLES or not np.any(centred):
         return float("inf")
-    left = force - force.mean() - away * float(away @ force) / float(away @ away)
-    variance = correlation_time(left) * float(left @ left) / (len(left) - 2)
-    return float(np.sqrt(variance / (away @ away)))
+    residual = force - force.mean() - centred * float(centred @ force) / float(centred @ centred)
+    variance = correlation_time(residual) * float(residual @ residual) / (len(residual) - 2)
+    return float(np.sqrt(variance / (centred @ centred)))

@@ -1,4 +1,4 @@
-"""Where a whole curve comes from: a pipeline file, a run folder, or a log that carries its pipeline."""
+"""The record of a whole curve, from a pipeline file, a run folder, or a log that carries its pipeline."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
 
-_SEGMENT = "segment"  # channel of a device that knows by itself which readings are on the way in
-_OF_MATERIAL = ("model", "indenter")
+_SEGMENT = "segment"  # channel of a device whose readings state by themselves which are on the way in
+_MATERIAL_TABLES = ("model", "indenter")  # of a pipeline file
+_NANOSECONDS = 1e9  # in a second, of time-stamps
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class WholeCurve:
     alignment: AlignmentSettings
     uncertainties: Mapping[str, Any]  # that the pipeline declares
     place: Path
-    changed: bool  # whether what was run is not what the place says of model and tip
+    changed: bool  # True if the overrides change model or tip, so that they are not those of the place
 
 
 def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> WholeCurve:
@@ -51,47 +52,76 @@ def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Wh
     for assignment in overrides:
         source.override(assignment)
     models: dict[str, ContactModel] = build_parts(source, "model")
-    if model is None and len(models) == 1:
-        model = next(iter(models))
-    if model is None or model not in models:
-        wanted = "choose a model with --model" if model is None else f"no [model.{model}]{suggest(model, models)}"
-        raise ConfigurationError(f"{place}: {wanted} (there are: {', '.join(models) or 'none'})")
+    model_name = _model_name(models, model, place)
     pipeline = build_pipeline(source, estimates=False)
     if is_live(pipeline.devices):
         raise ConfigurationError(f"{place}: its devices are live; run it with a log, and give the run folder here")
-    kept = SampleObserver()
+    samples = _pipeline_samples(pipeline, place)
+    changed_tables = [assignment.partition(".")[0].strip() for assignment in overrides]
+    return WholeCurve(
+        place.name,
+        samples,
+        models[model_name],
+        model_name,
+        segment=_segments(pipeline, samples),
+        alignment=pipeline.alignment,
+        uncertainties=pipeline.run.uncertainties,
+        place=place,
+        changed=any(table in _MATERIAL_TABLES for table in changed_tables),
+    )
+
+
+def _model_name(models: Mapping[str, ContactModel], requested: str | None, place: Path) -> str:
+    """Return the requested model, or the only one; raises ConfigurationError for any other."""
+    if requested is None and len(models) == 1:
+        return next(iter(models))
+    if requested is None or requested not in models:
+        if requested is None:
+            remedy = "choose a model with --model"
+        else:
+            remedy = f"no [model.{requested}]{suggest(requested, models)}"
+        raise ConfigurationError(f"{place}: {remedy} (there are: {', '.join(models) or 'none'})")
+    return requested
+
+
+def _pipeline_samples(pipeline: Pipeline, place: Path) -> Samples:
+    """Return the samples of a run of a pipeline, whose own output is removed; raises LogError for an empty record."""
+    observer = SampleObserver()
     folder = Path(tempfile.mkdtemp(prefix="palpate-"))
     try:
         with progress(str(place), "s"):
-            run_pipeline(pipeline, folder, report_progress, kept).demand_whole()
+            run_pipeline(pipeline, folder, report_progress, observer).demand_whole()
     finally:
         withdraw_folder(folder)
-    if not kept.blocks:
+    if not observer.blocks:
         raise LogError(f"{place}: the record holds no samples")
-    samples = Samples.joined(kept.blocks)
-    changed = any(assignment.partition(".")[0].strip() in _OF_MATERIAL for assignment in overrides)
-    return WholeCurve(
-        place.name, samples, models[model], model, _segments(pipeline, samples), pipeline.alignment,
-        pipeline.run.uncertainties, place, changed,
-    )  # fmt: skip
+    return Samples.joined(observer.blocks)
 
 
 def _segments(pipeline: Pipeline, samples: Samples) -> Floats | None:
-    """Segment (n,) of each sample, of a record whose stream of the position has a channel of that name."""
+    """Return the segment (n,) of each sample, of a record whose stream of the position has a channel of that name.
+
+    None for another record. A sample has the segment of the last reading before it, or of the first one.
+    """
+    # The signal is called DEVICE.STREAM.CHANNEL.
     signal = pipeline.alignment.position
-    device, _, rest = signal.channel.partition(".")
-    name = rest.rpartition(".")[0]
-    stream = next((one for one in pipeline.devices[device].streams if one.name == name), None)
+    device_name, _, stream_and_channel = signal.channel.partition(".")
+    stream_name = stream_and_channel.rpartition(".")[0]
+    device = pipeline.devices[device_name]
+    stream = next((stream for stream in device.streams if stream.name == stream_name), None)
     columns = [channel.name for channel in stream.channels] if stream is not None else []
     if _SEGMENT not in columns:
         return None
-    with pipeline.devices[device].connect(pipeline.run.seed) as link:
-        batches = [batch for batch in link.batches() if batch.stream == name]
+
+    # All readings of the stream, in the order of their time as the alignment takes it.
+    with device.connect(pipeline.run.seed) as link:
+        batches = [batch for batch in link.batches() if batch.stream == stream_name]
     time = np.concatenate([batch.time if signal.time == "stamp" else batch.received for batch in batches])
-    values = np.concatenate([batch.values[:, columns.index(_SEGMENT)] for batch in batches])
+    segments = np.concatenate([batch.values[:, columns.index(_SEGMENT)] for batch in batches])
     order = np.argsort(time, kind="stable")
-    at = np.searchsorted(time[order] - round(signal.delay * 1e9), samples.stamp, side="right") - 1
-    return np.asarray(values[order][np.maximum(at, 0)], np.float64)
+    delay = round(signal.delay * _NANOSECONDS)
+    reading_index = np.searchsorted(time[order] - delay, samples.stamp, side="right") - 1
+    return np.asarray(segments[order][np.maximum(reading_index, 0)], np.float64)
 
 
 def source_of(place: Path) -> Source:
@@ -101,17 +131,22 @@ def source_of(place: Path) -> Source:
     if place.suffix == ".toml":
         return Source.read(place)
     if place.is_dir() and RunFolder(place).began:
-        try:
-            carried = read_run_log(place)
-        except LogError:  # no log of its own: what it read may be one
-            carried = None
-        if carried is None:
-            return Source.read(RunFolder(place).pipeline, named=False)
-        return replay_source(carried)
-    carried = read_run_log(place)
-    if carried is None:
+        return _run_source(place)
+    log = read_run_log(place)
+    if log is None:
         raise ConfigurationError(
             f"{place}: carries no pipeline; `palpate info {place} --suggest -o pipeline.toml` writes one to start from"
         )
     typer.echo(f"{place}: tip, model and alignment are those of its run", err=True)
-    return replay_source(carried)
+    return replay_source(log)
+
+
+def _run_source(folder: Path) -> Source:
+    """Return the replay of a run folder's log; of a run without one its pipeline, which may have read a log."""
+    try:
+        log = read_run_log(folder)
+    except LogError:
+        log = None
+    if log is None:
+        return Source.read(RunFolder(folder).pipeline, named=False)
+    return replay_source(log)

@@ -1,4 +1,4 @@
-"""What is assumed exact about a press, and what it does to the modulus: rows of a budget after the GUM."""
+"""Everything that is assumed exact about a press, and its effect on the modulus: rows of a budget after the GUM."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from palpate_indentation.press import Branch
 
 @dataclass(frozen=True)
 class Declared:
-    """What a pipeline says of its readings, its tip and its model."""
+    """The statements of a pipeline on the uncertainty of its readings, its tip and its model."""
 
     alignment: AlignmentSettings | None = None
     uncertainties: Mapping[str, Any] | None = None
@@ -36,49 +36,67 @@ def modulus_row(
 
 
 def declared_rows(law: ElasticLaw, branch: Branch, fit: CurveFit, declared: Declared) -> Iterator[BudgetRow]:
-    """Everything that is declared, or has a default; raises ConfigurationError for an invalid uncertainty."""
+    """Yield a row for everything that is declared, or has a default.
+
+    None where the fit is not in contact. Raises ConfigurationError for an invalid uncertainty.
+    """
     try:
         sources = sources_of(law.model, declared.uncertainties or {})
     except ValueError as error:
         raise ConfigurationError(f"[run] uncertainties: {error}") from error
-    found = _sensitivity(law, branch, fit)
-    if found is None:
+    sensitivity = _sensitivity(law, branch, fit)
+    if sensitivity is None:
         return
-    late, settings = found.shifts(-found.change), declared.alignment
-    terms: list[Term] = [*source_terms(found, sources)]
-    if settings is not None and late is not None:
-        terms = systematic_terms(found, late, settings.timing_uncertainty, settings, None, sources)
+    # A force that is late by tau reads too little by tau dF/dt.
+    delay_shifts, settings = sensitivity.shifts(-sensitivity.change), declared.alignment
+    if settings is not None and delay_shifts is not None:
+        timing = settings.timing_uncertainty
+        terms = systematic_terms(sensitivity, delay_shifts, timing, settings, report=None, sources=sources)
+    else:
+        terms = list[Term](source_terms(sensitivity, sources))
     for term in terms:
+        # The first shift is that of the modulus.
         yield replace(term, shifts=term.shifts[:1]).row({law.name: fit.modulus})
 
 
 def bound_of_viscosity(law: ElasticLaw, viscous: ElasticLaw, branch: Branch, fit: CurveFit) -> tuple[float, float]:
-    """The viscosity that a law without one leaves open, by another law's damping, and how far it moves the modulus.
+    """Return the viscosity [SI] that a law without one leaves open, and how far it moves the modulus.
 
-    By one step of least squares: what it would choose, and its standard uncertainty; infinite where indistinct.
+    `viscous` is a law whose damping c (n,), force per viscosity, stands for it. One step of least squares: with r the
+    residual of the fit and p the part of c that the other unknowns do not explain, the viscosity is p.r/p.p, and its
+    standard uncertainty rms sqrt(t/p.p) with the correlation time t; both are added in squares. Infinite where the
+    unknowns are indistinct.
     """
-    found, damping = _sensitivity(law, branch, fit), viscous.damping(fit.surface - branch.height, branch.rate)
-    shifts = found.answer(damping) if found is not None else None
-    if found is None or shifts is None:
+    sensitivity = _sensitivity(law, branch, fit)
+    damping = viscous.damping(fit.surface - branch.height, branch.rate)
+    shifts = sensitivity.answer(damping) if sensitivity is not None else None
+    if sensitivity is None or shifts is None:
         return math.inf, math.inf
-    left = damping - found.jacobian @ shifts
-    power = float(left @ left)
-    chosen, std = float(left @ fit.residual) / power, fit.rms * math.sqrt(fit.correlation_time / power)
-    bound = math.hypot(chosen, std)
+    distinct_damping = damping - sensitivity.jacobian @ shifts
+    power = float(distinct_damping @ distinct_damping)
+    viscosity = float(distinct_damping @ fit.residual) / power
+    std = fit.rms * math.sqrt(fit.correlation_time / power)
+    bound = math.hypot(viscosity, std)
     return bound, bound * abs(float(shifts[0]))
 
 
 def _sensitivity(law: ElasticLaw, branch: Branch, fit: CurveFit) -> Along | None:
-    """How all that the fit has found answers to small errors of the force: modulus, offset, tilt and surface."""
-    values = np.array(law.held)
-    values[law.place] = fit.modulus
+    """Return the answer of all unknowns of a fit to small errors of the force; None where nothing is in contact.
+
+    Its columns are those of modulus, offset, tilt where it is fitted, work where the law is adhesive, and surface.
+    """
+    theta = np.array(law.held)
+    theta[law.modulus_index] = fit.modulus
     if law.adhesion:
-        values[1] = fit.work
-    motion = branch.time, fit.surface - branch.height, branch.rate, -branch.acceleration
-    found = at_samples(law.model, motion, values, air=True)
-    if found is None:
+        theta[1] = fit.work
+    depth = fit.surface - branch.height
+    sensitivity = at_samples(law.model, (branch.time, depth, branch.rate, -branch.acceleration), theta, air=True)
+    if sensitivity is None:
         return None
-    tilt = [branch.height - fit.surface] if fit.tilt_std > 0 else []
-    sticks = [found.jacobian[:, 1]] if law.adhesion else []
-    columns = [found.jacobian[:, law.place], np.ones(len(branch)), *tilt, *sticks, found.jacobian[:, -1]]
-    return replace(found, jacobian=np.column_stack(columns))
+    columns = [sensitivity.jacobian[:, law.modulus_index], np.ones(len(branch))]
+    if fit.tilt_std > 0:
+        columns.append(branch.height - fit.surface)
+    if law.adhesion:
+        columns.append(sensitivity.jacobian[:, 1])
+    columns.append(sensitivity.jacobian[:, -1])
+    return replace(sensitivity, jacobian=np.column_stack(columns))

@@ -1,4 +1,4 @@
-"""The picture of a press: force and fit, where contact begins, the modulus over depth, the way out."""
+"""The picture of a press: force and fit, the contact points, the modulus over depth, the way out."""
 
 from __future__ import annotations
 
@@ -9,78 +9,88 @@ import numpy as np
 from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, force_unit, legend_outside, save_figure, style
 
+from palpate_indentation.modulus_over_depth import ModulusProfile
+from palpate_indentation.press import Branch
 from palpate_indentation.press_analysis import Indentation
 
-_MOST = 4000  # points of a curve
+_MAX_POINTS = 4000  # of a curve, a choice: more are not distinguished in a panel
+_MIN_DEPTH_IN_MM = 1e-4  # [m], a choice: shallower presses are drawn in um
+_CONTACT_SHARE = 0.15  # of the depth, a choice: half of the width of the panel about the contact point
+_DOTS = {"marker": ".", "linestyle": "none", "markersize": 1.5, "color": "0.6"}
 
 
 @style()
-def draw(found: Indentation, path: Path) -> None:
-    """Four panels, or three where there was no way out; raises OutputError."""
+def draw(analysis: Indentation, path: Path) -> None:
+    """Save four panels, or three where there was no way out; raises OutputError."""
     figure, panels = figure_of(2, 2)
-    axes = panels.ravel()
-    length, scale = ("mm", 1e3) if found.depth > 1e-4 else ("um", 1e6)
-    force, per_force = force_unit(float(np.ptp(found.branch.force)))
-    thin = slice(None, None, max(len(found.branch) // _MOST, 1))
-    fit, branch = found.fit, found.branch
-    depth = scale * (fit.surface - branch.height[thin])
-    axes[0].plot(depth, per_force * branch.force[thin], ".", markersize=1.5, color="0.6", label="measured")
-    axes[0].plot(depth, per_force * (branch.force - fit.residual)[thin], color="C0", label="fit")
-    axes[0].set(xlabel=f"depth [{length}]", ylabel=f"force [{force}]")
-    legend_outside(axes[0])
-    _contact(axes[1], found, scale, per_force, thin)
-    axes[1].set(xlabel=f"depth [{length}]", ylabel=f"force [{force}]")
-    _modulus(axes[2], found, scale)
-    axes[2].set(xlabel=f"depth [{length}]")
-    if found.press.retract is not None:
-        out = found.press.retract
-        every = slice(None, None, max(len(out) // _MOST, 1))
-        axes[3].plot(depth, per_force * branch.force[thin], linewidth=0.8, color="0.7", label="in")
-        axes[3].plot(scale * (fit.surface - out.height[every]), per_force * out.force[every], label="out")
-        axes[3].set(xlabel=f"depth [{length}]", ylabel=f"force [{force}]")
-        legend_outside(axes[3])
+    force_panel, contact_panel, modulus_panel, out_panel = panels.ravel()
+    length, per_length = ("mm", 1e3) if analysis.depth > _MIN_DEPTH_IN_MM else ("um", 1e6)
+    force, per_force = force_unit(float(np.ptp(analysis.branch.force)))
+    fit, branch = analysis.fit, analysis.branch
+    rows = _thin_rows(branch)
+    depth = per_length * (fit.surface - branch.height[rows])
+
+    force_panel.plot(depth, per_force * branch.force[rows], label="measured", **_DOTS)
+    force_panel.plot(depth, per_force * (branch.force - fit.residual)[rows], color="C0", label="fit")
+    labels = {"xlabel": f"depth [{length}]", "ylabel": f"force [{force}]"}
+    force_panel.set(**labels)
+    legend_outside(force_panel)
+    _draw_contact(contact_panel, analysis, per_length, per_force)
+    contact_panel.set(**labels)
+    _draw_modulus(modulus_panel, analysis, per_length)
+    modulus_panel.set(xlabel=labels["xlabel"])
+    way_out = analysis.press.retract
+    if way_out is not None:
+        out_rows = _thin_rows(way_out)
+        out_depth = per_length * (fit.surface - way_out.height[out_rows])
+        out_panel.plot(depth, per_force * branch.force[rows], linewidth=0.8, color="0.7", label="in")
+        out_panel.plot(out_depth, per_force * way_out.force[out_rows], label="out")
+        out_panel.set(**labels)
+        legend_outside(out_panel)
     else:
-        axes[3].axis("off")
+        out_panel.axis("off")
     save_figure(figure, path)
 
 
-def _contact(axis: Any, found: Indentation, scale: float, per_force: float, thin: slice) -> None:
-    """Around the contact point, with every method's."""
-    fit, branch = found.fit, found.branch
-    reach = 0.15 * found.depth
-    depth = fit.surface - branch.height[thin]
-    near = np.abs(depth) < reach
-    axis.plot(scale * depth[near], per_force * branch.force[thin][near], ".", markersize=1.5, color="0.6")
-    for i, (name, point) in enumerate(found.points.items()):
-        place = fit.surface - point.surface
-        if abs(place) < reach:
-            axis.axvline(scale * place, color=f"C{i}", linewidth=1.0, label=name)
-    legend_outside(axis)
+def _thin_rows(branch: Branch) -> slice:
+    """Return every so many rows of a branch that few enough are left to be drawn."""
+    return slice(None, None, max(len(branch) // _MAX_POINTS, 1))
 
 
-def _modulus(axis: Any, found: Indentation, scale: float) -> None:
-    word, factor = display_unit(found.law.unit)
-    secant, tangent = found.secant, found.tangent
-    for profile, colour, name in ((secant, "C0", "from contact on"), (tangent, "C1", "within windows")):
-        value, std = factor * profile.modulus, factor * profile.std
-        good = np.isfinite(value)
-        if name == "within windows":
-            axis.errorbar(
-                scale * profile.depth[good],
-                value[good],
-                yerr=std[good],
-                fmt="s",
-                markersize=3,
-                color=colour,
-                label=name,
-            )
-        else:
-            axis.plot(scale * profile.depth[good], value[good], color=colour, label=name)
-            low, high = (value - std)[good], (value + std)[good]
-            axis.fill_between(scale * profile.depth[good], low, high, color=colour, alpha=0.2, linewidth=0)
-    axis.axhline(factor * found.fit.modulus, color="0.5", linestyle=":", label="fit")
-    limits = common_limits([factor * secant.modulus, factor * tangent.modulus])
+def _draw_contact(panel: Any, analysis: Indentation, per_length: float, per_force: float) -> None:
+    """Draw the force about the contact point, with a line for the surface by every method."""
+    fit, branch = analysis.fit, analysis.branch
+    reach = _CONTACT_SHARE * analysis.depth
+    rows = _thin_rows(branch)
+    depth = fit.surface - branch.height[rows]
+    is_near = np.abs(depth) < reach
+    panel.plot(per_length * depth[is_near], per_force * branch.force[rows][is_near], **_DOTS)
+    for i, (name, point) in enumerate(analysis.points.items()):
+        point_depth = fit.surface - point.surface
+        if abs(point_depth) < reach:
+            panel.axvline(per_length * point_depth, color=f"C{i}", linewidth=1.0, label=name)
+    legend_outside(panel)
+
+
+def _draw_modulus(panel: Any, analysis: Indentation, per_length: float) -> None:
+    """Draw the modulus over depth from contact on as a band, within windows as bars, and that of the fit."""
+    unit, per_unit = display_unit(analysis.law.unit)
+    depth, value, std = _scaled_profile(analysis.secant, per_length, per_unit)
+    panel.plot(depth, value, color="C0", label="from contact on")
+    panel.fill_between(depth, value - std, value + std, color="C0", alpha=0.2, linewidth=0)
+    depth, value, std = _scaled_profile(analysis.tangent, per_length, per_unit)
+    panel.errorbar(depth, value, yerr=std, fmt="s", markersize=3, color="C1", label="within windows")
+    panel.axhline(per_unit * analysis.fit.modulus, color="0.5", linestyle=":", label="fit")
+    limits = common_limits([per_unit * analysis.secant.modulus, per_unit * analysis.tangent.modulus])
     if limits is not None:
-        axis.set_ylim(*limits)
-    axis.set_ylabel(f"{found.law.name} [{word}]")
-    legend_outside(axis)
+        panel.set_ylim(*limits)
+    panel.set_ylabel(f"{analysis.law.name} [{unit}]")
+    legend_outside(panel)
+
+
+def _scaled_profile(profile: ModulusProfile, per_length: float, per_unit: float) -> tuple[Any, Any, Any]:
+    """Return depth, modulus and standard uncertainty (m,) in display units, where there is a modulus."""
+    has_modulus = np.isfinite(profile.modulus)
+    columns = per_length * profile.depth, per_unit * profile.modulus, per_unit * profile.std
+    depth, value, std = (column[has_modulus] for column in columns)
+    return depth, value, std

@@ -8,93 +8,109 @@ from typing import Any
 from palpate import Floats
 from palpate_engine import finite_tree, registry as registries
 
-from palpate_indentation.adhesion import Theory, tabor
+from palpate_indentation.adhesion import tabor
 from palpate_indentation.modulus_over_depth import ModulusProfile
 from palpate_indentation.press_analysis import Indentation
-from palpate_indentation.sphere_laws import SphereLawFit
+from palpate_indentation.retract_theories import Theory
+from palpate_indentation.sphere_laws import SphereLawFit, poisson_ratio
 from palpate_indentation.viscosity import PressViscosity
 
 
-def table(found: Indentation) -> dict[str, Any]:
-    """As in ``indentation.json`` [SI]."""
-    fit = found.fit
+def table(analysis: Indentation) -> dict[str, Any]:
+    """Return the analysis as in ``indentation.json`` [SI], with None for numbers that are not finite."""
+    fit = analysis.fit
     document: dict[str, Any] = {
-        "parameter": found.law.name,
-        "unit": found.law.unit,
+        "parameter": analysis.law.name,
+        "unit": analysis.law.unit,
         "value": fit.modulus,
         "std": fit.modulus_std,
-        "combined": found.combined,
+        "combined": analysis.combined,
         "surface": {"value": fit.surface, "std": fit.surface_std},
-        "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std, "by_tilt": found.fitted.by_tilt},
-        "viscosity": None if found.viscosity is None else _viscosity(found.viscosity),
-        "budget": [asdict(row) for row in found.budget],
-        "rms": fit.rms,
-        "noise": found.press.noise,
-        "correlation_time": fit.correlation_time,
-        "depth": found.depth,
-        "rise_over_depth": {"value": found.rise[0], "std": found.rise[1]},
-        "contact_points": {
-            name: {"surface": p.surface, "std": p.std, "by_the_fit": p.usual} for name, p in found.points.items()
+        "baseline": {
+            "offset": fit.offset,
+            "tilt": fit.tilt,
+            "tilt_std": fit.tilt_std,
+            "by_tilt": analysis.baseline_fit.by_tilt,
         },
-        "spheres": {one.tip: _alternative(one, found) for one in found.spheres},
-        "adhesion_on_the_way_in": None if found.without is None else _way_in(found),
-        "pull_off": None if found.pull is None else {"force": found.pull.force, "std": found.pull.std},
-        "adhesion": {one.name: _theory(one, found) for one in found.theories},
-        "secant": _profile(found.secant),
-        "tangent": _profile(found.tangent),
-        "flags": [flag.table() for flag in registries.load().judged(found.flags)],
+        "viscosity": None if analysis.viscosity is None else _viscosity(analysis.viscosity),
+        "budget": [asdict(row) for row in analysis.budget],
+        "rms": fit.rms,
+        "noise": analysis.press.noise,
+        "correlation_time": fit.correlation_time,
+        "depth": analysis.depth,
+        "rise_over_depth": {"value": analysis.rise[0], "std": analysis.rise[1]},
+        "contact_points": {
+            name: {"surface": point.surface, "std": point.std, "by_the_fit": point.usual}
+            for name, point in analysis.points.items()
+        },
+        "spheres": {sphere.tip: _sphere(sphere, analysis) for sphere in analysis.spheres},
+        "adhesion_on_the_way_in": None if analysis.without_adhesion is None else _way_in(analysis),
+        "pull_off": None if analysis.pull is None else {"force": analysis.pull.force, "std": analysis.pull.std},
+        "adhesion": {theory.name: _theory(theory, analysis) for theory in analysis.theories},
+        "secant": _profile(analysis.secant),
+        "tangent": _profile(analysis.tangent),
+        "flags": [flag.table() for flag in registries.load().judged(analysis.flags)],
     }
     plain: dict[str, Any] = finite_tree(document)
     return plain
 
 
-def _viscosity(one: PressViscosity) -> dict[str, Any]:
-    return {"value": one.value, "std": one.std, "unit": one.unit, "source": one.source, "words": one.words}
-
-
-def bic_above_best(one: SphereLawFit, found: Indentation) -> float:
-    """By the samples that count at the best: all laws have the same number of unknowns."""
-    best = min(found.spheres, key=lambda other: other.log_squares)
-    return best.fit.effective * (one.log_squares - best.log_squares)
-
-
-def second_best(found: Indentation) -> float | None:
-    """BIC of the second-best law of a sphere above that of the best; None without two."""
-    others = sorted(bic_above_best(one, found) for one in found.spheres)
-    return others[1] if len(others) > 1 else None
-
-
-def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
+def _viscosity(viscosity: PressViscosity) -> dict[str, Any]:
     return {
-        "value": one.fit.modulus,
-        "std": one.fit.modulus_std,
-        "surface": one.fit.surface,
-        "rms": one.fit.rms,
-        "bic_above_best": bic_above_best(one, found),
-        "chosen": one.chosen,
+        "value": viscosity.value,
+        "std": viscosity.std,
+        "unit": viscosity.unit,
+        "source": viscosity.source,
+        "words": viscosity.words,
     }
 
 
-def _way_in(found: Indentation) -> dict[str, Any]:
-    """Return the theory that the value is by, its work of adhesion, and the value by the pipeline's own law."""
-    fit, without = found.fit, found.without
+def bic_above_best(sphere: SphereLawFit, analysis: Indentation) -> float:
+    """Return n log(S/S_best), with the sums of squares and the n independent samples at the best law of a sphere.
+
+    All laws have the same number of unknowns.
+    """
+    best = min(analysis.spheres, key=lambda other: other.log_squares)
+    return best.fit.effective * (sphere.log_squares - best.log_squares)
+
+
+def second_best(analysis: Indentation) -> float | None:
+    """Return the BIC of the second-best law of a sphere above that of the best; None without two."""
+    differences = sorted(bic_above_best(sphere, analysis) for sphere in analysis.spheres)
+    return differences[1] if len(differences) > 1 else None
+
+
+def _sphere(sphere: SphereLawFit, analysis: Indentation) -> dict[str, Any]:
+    return {
+        "value": sphere.fit.modulus,
+        "std": sphere.fit.modulus_std,
+        "surface": sphere.fit.surface,
+        "rms": sphere.fit.rms,
+        "bic_above_best": bic_above_best(sphere, analysis),
+        "chosen": sphere.chosen,
+    }
+
+
+def _way_in(analysis: Indentation) -> dict[str, Any]:
+    """Return the theory that is the law, its work of adhesion, and the modulus by the pipeline's own law."""
+    fit, without = analysis.fit, analysis.without_adhesion
     assert without is not None
     work = {"adhesion_work": fit.work, "adhesion_work_std": fit.work_std}
-    theory = registries.load().name_of(type(found.law.model))
+    theory = registries.load().name_of(type(analysis.law.model))
     return {"theory": theory, **work, "value_without": without.modulus, "std_without": without.modulus_std}
 
 
-def _theory(one: Theory, found: Indentation) -> dict[str, Any]:
-    assert found.radius is not None
-    poisson = float(getattr(found.law.model, "poisson", 0.5))
+def _theory(theory: Theory, analysis: Indentation) -> dict[str, Any]:
+    assert analysis.radius is not None
+    poisson = poisson_ratio(analysis.law.model)
     return {
-        "value": one.modulus,
-        "std": one.modulus_std,
-        "adhesion_work": one.work,
-        "adhesion_work_std": one.work_std,
-        "surface": one.surface,
-        "rms": one.rms,
-        "tabor": tabor(found.radius, one.work, one.modulus, poisson),
+        "value": theory.modulus,
+        "std": theory.modulus_std,
+        "adhesion_work": theory.work,
+        "adhesion_work_std": theory.work_std,
+        "surface": theory.surface,
+        "rms": theory.rms,
+        "tabor": tabor(analysis.radius, theory.work, theory.modulus, poisson),
     }
 
 

@@ -17,12 +17,13 @@ from palpate_indentation.approach_fit import CurveFit, fit_curve
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch, Press
 
-_UNEVEN = 0.2  # of the mean rate in contact: a speed that scatters by more changes within the press
-_HIGH = 0.1  # of the largest force: on the way out, less may be adhesion, or a tip that the material no longer follows
-_FEWEST = 40  # samples on the way out
-_DECISIVE = 10.0  # of BIC, by which both ways apart explain the press better than one law
-_UNKNOWNS = 3.0  # that the two ways have more when they are fitted apart: modulus, surface, baseline
-_SURE = 2.0  # standard uncertainties
+_MIN_RATE_SCATTER = 0.2  # of the mean rate in contact (0231): a speed that scatters by more changes within the press
+_MIN_OUT_FORCE = 0.1  # of the largest force, a choice: below, a way out may show adhesion, or a tip that has lifted off
+_MIN_OUT_SAMPLES = 40  # on the way out, a choice: as many as a way in needs
+_AIR_SHARE = 20  # of a way out, a choice: its last twentieth is air
+_MIN_BIC_DIFFERENCE = 10.0  # very strong evidence (Kass and Raftery 1995) against one law for both ways
+_ADDED_UNKNOWNS = 3.0  # of two ways that are fitted separately: modulus, surface and baseline
+_MIN_SIGMAS = 2.0  # standard uncertainties that a viscosity of the press has to exceed (0231)
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class PressViscosity:
     std: float
     unit: str
     source: Literal["stated", "run", "press", "bound"]
-    words: str  # where it comes from
+    words: str  # the source as a phrase, for people
 
 
 def viscosity_of_run(place: Path, model: str, parameter: str) -> PressViscosity | None:
@@ -45,16 +46,17 @@ def viscosity_of_run(place: Path, model: str, parameter: str) -> PressViscosity 
     folder = RunFolder(place if place.is_dir() else place.parent)
     if not folder.finished or (place.suffix == ".toml" and place.name != PIPELINE):
         return None
-    found = sorted(_values(folder.result["tracks"], model, parameter), key=lambda one: one[:2])
-    if not found:
+    candidates = sorted(_track_values(folder.result["tracks"], model, parameter), key=lambda candidate: candidate[:2])
+    if not candidates:
         return None
-    _, std, track, value = found[0]
+    _, std, track, value = candidates[0]
     return PressViscosity(float(value["value"]), std, str(value["unit"]), "run", f"result.json, {track}")
 
 
-def _values(
+def _track_values(
     tracks: Mapping[str, Any], model: str, parameter: str
 ) -> Iterator[tuple[int, float, str, Mapping[str, Any]]]:
+    """Yield rank of the verdict, combined uncertainty, track and value of each usable value of a parameter."""
     for name, track in tracks.items():
         value = usable_value(track, parameter) if track["model"] == model else None
         if value is not None and value["combined"] is not None:
@@ -65,57 +67,76 @@ def viscosity_of_press(law: ElasticLaw, press: Press, branch: Branch, *, tilt: b
     """Return the viscosity that a press shows, or how large it may be.
 
     It shows in the way in against the way out, where one law explains both, or in a speed that changes on the way in.
-    Otherwise it is unknown between none and what least squares would choose, by both ways where there are two.
+    Otherwise it is unknown between none and that of least squares, by both ways where there are two.
     """
-    assert law.viscous is not None
-    unit, noise = law.model.parameters[law.viscous].unit, press.noise
-    out = None if press.retract is None or branch is press.retract else _in_contact(press.retract)
-    both: CurveFit | None = None
-    if out is not None and len(out) >= _FEWEST:
-        both = fit_curve(law, branch.joined(out), noise, tilt=tilt, viscous=True)
-        if _is_told(both) and _is_one_law(law, branch, out, both, noise, tilt=tilt):
-            return _told(both, unit, "the way in against the way out")
-    alone = fit_curve(law, branch, noise, tilt=tilt, viscous=True)
-    if _is_uneven(branch.rate[branch.height < alone.surface]) and _is_told(alone):
-        return _told(alone, unit, "the speed that changes on the way in")
-    most = alone if both is None else both
-    std = float(np.hypot(most.viscosity, most.viscosity_std))
-    return PressViscosity(0.0, std, unit, "bound", "unknown: " + ("by the way out" if both else "by the way in"))
+    assert law.viscosity_index is not None
+    unit, noise = law.model.parameters[law.viscosity_index].unit, press.noise
+    has_two_ways = press.retract is not None and branch is not press.retract
+    way_out = _in_contact(press.retract) if press.retract is not None and has_two_ways else None
+
+    # Both ways by one law, beyond two standard uncertainties.
+    both_ways: CurveFit | None = None
+    if way_out is not None and len(way_out) >= _MIN_OUT_SAMPLES:
+        both_ways = fit_curve(law, branch.joined_with(way_out), noise, tilt=tilt, viscous=True)
+        if _shows_viscosity(both_ways) and _is_one_law(law, branch, way_out, both_ways, noise, tilt=tilt):
+            return _press_viscosity(both_ways, unit, "the way in against the way out")
+
+    # A speed that scatters by over 20 % in contact.
+    one_way = fit_curve(law, branch, noise, tilt=tilt, viscous=True)
+    if _is_uneven(branch.rate[branch.height < one_way.surface]) and _shows_viscosity(one_way):
+        return _press_viscosity(one_way, unit, "the speed that changes on the way in")
+
+    # A bound: the estimate and its uncertainty, added in squares.
+    widest = one_way if both_ways is None else both_ways
+    std = float(np.hypot(widest.viscosity, widest.viscosity_std))
+    evidence = "by the way out" if both_ways else "by the way in"
+    return PressViscosity(0.0, std, unit, "bound", f"unknown: {evidence}")
 
 
-def _told(fit: CurveFit, unit: str, words: str) -> PressViscosity:
+def _press_viscosity(fit: CurveFit, unit: str, words: str) -> PressViscosity:
     return PressViscosity(fit.viscosity, fit.viscosity_std, unit, "press", words)
 
 
-def _is_told(fit: CurveFit) -> bool:
+def _shows_viscosity(fit: CurveFit) -> bool:
     """Return True if a fit is sound, and has a viscosity beyond doubt."""
-    sound = bool(np.isfinite([fit.modulus, fit.viscosity, fit.viscosity_std]).all()) and fit.modulus > 0
-    return sound and fit.viscosity > _SURE * fit.viscosity_std
+    is_finite = bool(np.isfinite([fit.modulus, fit.viscosity, fit.viscosity_std]).all())
+    return is_finite and fit.modulus > 0 and fit.viscosity > _MIN_SIGMAS * fit.viscosity_std
 
 
 def _is_uneven(rate: Floats) -> bool:
-    return len(rate) > 1 and float(rate.std()) > _UNEVEN * abs(float(rate.mean()))
+    """Return True for rates (n,) [m/s] that change by more than a share of their mean."""
+    return len(rate) > 1 and float(rate.std()) > _MIN_RATE_SCATTER * abs(float(rate.mean()))
 
 
 def _in_contact(retract: Branch) -> Branch:
-    """Return the beginning of a way out, until the force has fallen to a tenth."""
-    air = float(np.median(retract.force[-max(len(retract) // 20, 1) :]))
-    low = np.flatnonzero(retract.force - air < _HIGH * float(retract.force.max() - air))
-    return retract.part(slice(0, int(low[0]) if len(low) else len(retract)))
+    """Return the first part of a way out, until the force has fallen to a tenth."""
+    air_force = float(np.median(retract.force[-max(len(retract) // _AIR_SHARE, 1) :]))
+    limit = _MIN_OUT_FORCE * float(retract.force.max() - air_force)
+    low_rows = np.flatnonzero(retract.force - air_force < limit)
+    return retract.select(slice(0, int(low_rows[0]) if len(low_rows) else len(retract)))
 
 
-def _is_one_law(law: ElasticLaw, way_in: Branch, out: Branch, both: CurveFit, noise: float, *, tilt: bool) -> bool:
-    """Whether one law explains the press: no worse than each way by itself, and the way in no worse than without.
+def _is_one_law(
+    law: ElasticLaw, way_in: Branch, way_out: Branch, both_ways: CurveFit, noise: float, *, tilt: bool
+) -> bool:
+    """Return True if one law with its viscosity explains both ways no worse than two laws, and the way in no worse.
 
-    All readings count, correlated or not: where they are, something else is going on than noise.
+    By BIC: two laws are the fit of each way with the same viscosity; for the way in, the law without viscosity. All
+    readings count, correlated or not, since correlated residuals here are not noise.
     """
-    known = law.with_viscosity(law.held[law.viscous or 0] + both.viscosity)
-    with_it, without = (fit_curve(one, way_in, noise, tilt=tilt) for one in (known, law))
-    apart = _squares(with_it) + _squares(fit_curve(known, out, noise, tilt=False))
-    worse, more = np.log(_squares(both) / apart), np.log(_squares(with_it) / _squares(without))
-    count = len(way_in) + len(out)
-    return bool(count * worse <= _DECISIVE + _UNKNOWNS * np.log(count) and len(way_in) * more <= _DECISIVE)
+    viscous_law = law.with_viscosity(law.held[law.viscosity_index or 0] + both_ways.viscosity)
+    in_squares = _squares(fit_curve(viscous_law, way_in, noise, tilt=tilt))
+    in_squares_without = _squares(fit_curve(law, way_in, noise, tilt=tilt))
+    out_squares = _squares(fit_curve(viscous_law, way_out, noise, tilt=False))
+
+    count = len(way_in) + len(way_out)
+    log_rise_both = np.log(_squares(both_ways) / (in_squares + out_squares))
+    log_rise_in = np.log(in_squares / in_squares_without)
+    explains_both = count * log_rise_both <= _MIN_BIC_DIFFERENCE + _ADDED_UNKNOWNS * np.log(count)
+    explains_way_in = len(way_in) * log_rise_in <= _MIN_BIC_DIFFERENCE
+    return bool(explains_both and explains_way_in)
 
 
 def _squares(fit: CurveFit) -> float:
+    """Return the sum of squared residuals [N^2]."""
     return float(fit.residual @ fit.residual)
