@@ -9,6 +9,8 @@ import pytest
 from palpate import ConfigurationError, LogError, Samples, contact_force
 from palpate_engine.cli import call
 from palpate_indentation.adhesion import tabor
+from palpate_indentation.approach_fit import fit_curve
+from palpate_indentation.contact_points import contact_points
 from palpate_indentation.elastic_law import law_of
 from palpate_indentation.press import press_of
 from palpate_indentation.press_analysis import PressSettings, analyse_press
@@ -67,8 +69,6 @@ def test_the_truth_is_within_the_uncertainty():
     inside = contact = 0
     for seed in range(60):
         samples = record(HERTZ, [6e4, 0.0], noise=0.03, seed=seed, speed=8e-3)
-        from palpate_indentation.approach_fit import fit_curve
-
         press = press_of(samples)
         fit = fit_curve(law_of(HERTZ, "dr", {}), press.approach, press.noise, tilt=True)
         inside += abs(fit.modulus - 6e4) < 1.96 * fit.modulus_std
@@ -200,6 +200,24 @@ def test_a_real_record_without_air_is_refused(tmp_path):
     with pytest.raises(LogError, match="begins in contact"):
         call(["fit", "indentation", str(path), "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()
+
+
+def test_a_fit_of_the_way_out_has_its_own_contact_point_only():
+    press, law = press_of(record(HERTZ, [1e5, 0.0], noise=0.01, speed=8e-3)), law_of(HERTZ, "dr", {})
+    assert press.retract is not None
+    fit = fit_curve(law, press.retract, press.noise, tilt=False)
+    assert set(contact_points(press, fit, press.retract)) == {"fit"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("retract", [False, True])
+def test_either_way_can_be_fitted(retract):
+    """The way in has 375 samples, the way out one more."""
+    settings = PressSettings(retract=retract)
+    found = look(HERTZ, [1e5, 0.0], noise=0.01, speed=4e-3, deep=1e-3, settings=settings)
+    assert len(found.branch) == (376 if retract else 375)
+    assert abs(found.fit.modulus - 1e5) < 3 * found.combined
+    assert (set(found.points) == {"fit"}) == retract
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from palpate_engine import change_point
 from palpate_kit.numerics.contact_point import CONTACT_METHODS, Approach, ContactPoint, contact_point
 
 from palpate_indentation.approach_fit import CurveFit
-from palpate_indentation.press import Press
+from palpate_indentation.press import Branch, Press
 
 _DRAWS = 8  # of noise, a choice: the mean of a method is known to a third of its scatter
 _POWER = 1.5  # of the depth in the law of the change point (Hertz)
@@ -39,15 +39,18 @@ class ContactPointResult:
         return self.surface - self.usual
 
 
-def contact_points(press: Press, fit: CurveFit) -> dict[str, ContactPointResult]:
-    """Return the surface by every method that finds one; `fit` is that of the model, which is one of them.
+def contact_points(press: Press, fit: CurveFit, branch: Branch) -> dict[str, ContactPointResult]:
+    """Return the surface by every method that finds one; `fit` is that of the model to a branch, and one of them.
 
     By force alone: a threshold of 5 sigma, a smoothed force 3 sigma off its baseline, a tenth of the steepest rise; a
     two-piece law with the power 1.5; a line that goes over into a parabola; the largest ratio of variances behind and
     before. Most of them are late by nature, the more the softer the material: so each is applied to the fitted curve
-    as well.
+    as well. They are methods for a way in, so that a fit of the way out stands alone.
     """
+    results = {"fit": ContactPointResult(fit.surface, fit.surface_std, fit.surface)}
     approach = press.approach
+    if branch is not approach:
+        return results
     force = approach.force - fit.baseline(approach.height)
     fitted_force = force - fit.residual
     # Eight draws of noise: the residual, shifted by ninths of the record.
@@ -55,7 +58,6 @@ def contact_points(press: Press, fit: CurveFit) -> dict[str, ContactPointResult]
     drawn_forces = [fitted_force + np.roll(fit.residual, round((k + 1) * shift)) for k in range(_DRAWS)]
     low, high = float(approach.height.min()), float(approach.height.max())
 
-    results = {"fit": ContactPointResult(fit.surface, fit.surface_std, fit.surface)}
     for name, method in _METHODS.items():
         point = method(press, force)
         if point is None or not low < point.surface < high:

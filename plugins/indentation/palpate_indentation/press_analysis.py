@@ -125,7 +125,7 @@ def analyse_press(
         press,
         branch,
         press_law.baseline_fit,
-        points=contact_points(press, fit),
+        points=contact_points(press, fit, branch),
         secant=secant_profile(law, branch, fit, settings.bins),
         tangent=tangent_profile(law, branch, fit, settings.windows),
         rise=rise,
