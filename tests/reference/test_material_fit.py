@@ -9,9 +9,10 @@ import pytest
 from palpate_engine import registry
 from palpate_kit.numerics.material_laws import LAWS, inverse_laplace, law_of
 from palpate_reference.fit_command import material_fits
+from palpate_reference.fit_problem import FitProblem, predictions
 from palpate_reference.law_fit import supported_fits
 from palpate_reference.material_table import MaterialTable
-from palpate_reference.table_fit import FitProblem, fit_law, predictions
+from palpate_reference.table_fit import fit_law
 
 TIME = np.geomspace(0.03, 15.0, 12)
 VALUES = {

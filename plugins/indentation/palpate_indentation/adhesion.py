@@ -57,10 +57,10 @@ def adhesive_law(law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit,
         return None
 
     # Evidence, 10 of BIC, against the law without adhesion, whose fit has one unknown less, and between the theories.
-    best, *others = sorted(candidates, key=lambda candidate: candidate.fit.rms)
+    best, *worse = sorted(candidates, key=lambda candidate: candidate.fit.rms)
     if not best.fit.bic_above(plain, 1) < -_MIN_BIC_DIFFERENCE:
         return None
-    rivals = [other.fit for other in others if other.fit.bic_above(best.fit, 0) < _MIN_BIC_DIFFERENCE]
+    rivals = [other.fit for other in worse if other.fit.bic_above(best.fit, 0) < _MIN_BIC_DIFFERENCE]
     distances = [rival.modulus - best.fit.modulus for rival in rivals]
     return replace(best, ambiguity=float(np.max(np.abs(distances), initial=0.0)))
 

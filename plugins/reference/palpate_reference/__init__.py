@@ -7,7 +7,7 @@ from palpate import Command, FileSuggestion, ReportSection, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Their commands."""
+    """Return the commands of reference instruments."""
     return {
         "material": Command(
             "palpate_reference.material_command:material", "Tables of rheometers, DMAs, dynamometers.", "compare"
@@ -29,11 +29,11 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_offers() -> dict[str, dict[str, FileSuggestion]]:
-    """Tables of instruments."""
+    """Return the suggestion for tables of instruments."""
     return {"file suggestion": {"instrument": FileSuggestion("palpate_reference.table_suggestion:suggested_commands")}}
 
 
 @plugin
 def palpate_report_sections() -> dict[str, ReportSection]:
-    """How a run agrees with a reference."""
+    """Return the section on the agreement of a run with a reference."""
     return {"agreement": ReportSection("palpate_reference.agreement.agreement_lines:agreement_lines", order=82)}

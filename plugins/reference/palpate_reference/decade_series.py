@@ -1,4 +1,4 @@
-"""A generalised Maxwell law with one arm for each decade of the tables: what a master curve is made into."""
+"""A generalised Maxwell law with one arm for each decade of the tables, as master curves are described by."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from palpate_kit.numerics.material_laws import Complexes, LinearLaw, arm_moduli
 
-from palpate_reference.table_fit import FitProblem, predictions
+from palpate_reference.fit_problem import FitProblem, predictions
 
 DECADES = "generalised-maxwell-decades"
-_FEW = 3  # decades; with fewer the arms are not a series
-_NONE = 1e-6  # share of the strongest arm, below which an arm does not count
+_MIN_DECADES = 3  # a choice: fewer arms are a law of their own (generalised-maxwell-2)
+_MIN_STRENGTH = 1e-6  # of the strongest arm, a choice: a weaker one shows in no table
 
 
 def decade_series(problem: FitProblem) -> LinearLaw | None:
-    """The law whose relaxation times are the powers of ten between the shortest and the longest time of the tables.
+    """Return the law whose relaxation times are the powers of ten between the extreme times of the tables.
 
     Arms that non-negative least squares of relative errors leave at zero are left out; it gives the start of the fit,
     too. None for creep, which is not linear in the moduli, and for tables of less than three decades. Sources: Emri and
@@ -28,34 +28,47 @@ def decade_series(problem: FitProblem) -> LinearLaw | None:
 
     if any(table.kind == "creep" for table in problem.tables):
         return None
-    of = [1.0 / (2.0 * math.pi * table.x) if table.kind == "oscillation" else table.x for table in problem.tables]
-    low, high = (bound(np.concatenate(of)) for bound in (np.min, np.max))
-    times = [10.0**k for k in range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)]
-    if len(times) < _FEW:
+    table_times = [
+        1.0 / (2.0 * math.pi * table.x) if table.kind == "oscillation" else table.x for table in problem.tables
+    ]
+    shortest, longest = (bound(np.concatenate(table_times)) for bound in (np.min, np.max))
+    exponents = range(math.ceil(math.log10(shortest)), math.floor(math.log10(longest)) + 1)
+    times = [10.0**exponent for exponent in exponents]
+    if len(times) < _MIN_DECADES:
         return None
-    whole = _law(times)
-    each = np.eye(len(times) + 1)
-    design = np.vstack([
-        np.column_stack([(predictions(whole, table, one, problem.poisson) / table.y).ravel() for one in each.tolist()])
-        for table in problem.tables
-    ])  # fmt: skip
-    strengths, _ = nnls(design, np.ones(len(design)))
-    strong = strengths[1:] > _NONE * strengths.max()
-    if not strong.any():
+
+    # Predictions are linear in the moduli: E, then one for each arm; each column is that of a modulus of 1 alone.
+    whole_law = _maxwell_law(times)
+    unit_moduli = np.eye(len(times) + 1).tolist()
+    rows = []
+    for table in problem.tables:
+        columns = [(predictions(whole_law, table, moduli, problem.poisson) / table.y).ravel() for moduli in unit_moduli]
+        rows.append(np.column_stack(columns))
+    design = np.vstack(rows)
+    (lasting, *strengths), _ = nnls(design, np.ones(len(design)))
+
+    threshold = _MIN_STRENGTH * max(lasting, *strengths)
+    arms = [(time, float(strength)) for time, strength in zip(times, strengths, strict=True) if strength > threshold]
+    if not arms:
         return None
-    lasting = max(float(strengths[0]), _NONE * float(strengths.max()))
-    start = [lasting, *strengths[1:][strong].tolist()]
-    return _law([tau for tau, one in zip(times, strong, strict=True) if one], start)
+    start = [max(float(lasting), float(threshold)), *(strength for _, strength in arms)]
+    return _maxwell_law([time for time, _ in arms], start)
 
 
-def _law(times: Sequence[float], start: Sequence[float] = ()) -> LinearLaw:
+def _maxwell_law(times: Sequence[float], start: Sequence[float] = ()) -> LinearLaw:
+    """Return the law of a spring E and arms E_k with these relaxation times [s], and moduli [Pa] to start from."""
     names = (("elasticity", "Pa"), *((f"arm_elasticity_{k}", "Pa") for k in range(1, len(times) + 1)))
-    taus = ", ".join(f"{tau:.0e}" for tau in times)
+    time_texts = ", ".join(f"{time:.0e}" for time in times)
     return LinearLaw(
-        DECADES, f"E* = E + sum of E_k s tau_k/(1 + s tau_k), tau_k = {taus} s", names, partial(_modulus, tuple(times)),
-        lambda level, of: [list(start)], times=tuple(times),
-    )  # fmt: skip
+        DECADES,
+        f"E* = E + sum of E_k s tau_k/(1 + s tau_k), tau_k = {time_texts} s",
+        names,
+        partial(_modulus, tuple(times)),
+        lambda level, all_times: [list(start)],
+        times=tuple(times),
+    )
 
 
-def _modulus(times: Sequence[float], s: Complexes, p: Sequence[Any], _: float) -> Any:
-    return p[0] + arm_moduli(s, p[1:], times)
+def _modulus(times: Sequence[float], s: Complexes, moduli: Sequence[Any], _: float) -> Any:
+    """Return E + sum of E_k s tau_k/(1 + s tau_k) at s = i omega, for E and E_k [Pa]."""
+    return moduli[0] + arm_moduli(s, moduli[1:], times)

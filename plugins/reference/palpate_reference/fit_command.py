@@ -17,6 +17,7 @@ from palpate_kit.terminal.table import console
 
 from palpate_reference.cards.prony_series import MATERIAL
 from palpate_reference.decade_series import DECADES, decade_series
+from palpate_reference.fit_problem import FitProblem
 from palpate_reference.fit_sources import read_sources
 from palpate_reference.hyperelastic.curve_fit import Loading, fit_curves, stress_curves
 from palpate_reference.hyperelastic.strain_energies import HYPERELASTIC, HyperelasticLaw, stable_stretches
@@ -29,7 +30,7 @@ from palpate_reference.superposition.master_command import (
     curve_at,
     superposition_remarks,
 )
-from palpate_reference.table_fit import FitProblem, fit_law
+from palpate_reference.table_fit import fit_law
 from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 
 
@@ -67,70 +68,75 @@ def fit_material(
     strain is nominal, of an incompressible solid. Writes material.json and fit.png.
     """
     tables = read_sources(sources, table_settings(units, modulus, columns), poisson)
+    shifts = reference is not None or vertical
     if tables[0].kind == "stress-strain":
-        if reference is not None or vertical:
+        if shifts:
             raise ConfigurationError("--reference-temperature: stress over strain has no time that could be shifted")
-        report = _hyperelastic(tables, laws, _share(scale), loading)
+        report = _hyperelastic_report(tables, laws, _share(scale), loading)
+    elif shifts:
+        runs = [table for table in tables if table.format == "run"]
+        sweeps = [table for table in tables if table.format != "run"]
+        curve = curve_at(sweeps, reference, vertical, by == "storage")
+        report = _linear_report([curve.table(), *runs], laws, _share(scale), poisson, curve.shift_root())
+        report.document["remarks"] += superposition_remarks(curve, ())
     else:
-        root, doubts = None, []
-        if reference is not None or vertical:
-            runs = [table for table in tables if table.format == "run"]
-            curve = curve_at([table for table in tables if table.format != "run"], reference, vertical, by == "storage")
-            tables, root, doubts = [curve.table(), *runs], curve.shift_root(), superposition_remarks(curve, ())
-        report = _linear(tables, laws, _share(scale), poisson, root)
-        report.findings["remarks"] += doubts
+        report = _linear_report(tables, laws, _share(scale), poisson, shift_root=None)
     folder = make_folder("material", out, datetime.now(UTC).astimezone())
-    write_new(folder / MATERIAL, json_text(report.findings))
+    write_new(folder / MATERIAL, json_text(report.document))
     report.draw(folder / "fit.png")
     if as_json:
-        print_json({"folder": folder, **report.findings})
+        print_json({"folder": folder, **report.document})
         return
     with print_aside(False):
-        _show(report.fits, report.findings["remarks"])
+        _show(report.fits, report.document["remarks"])
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
 
 
-class _FitsOfTables(NamedTuple):
-    """Fits, the best first, what is written of them, and their figure."""
+class _FitReport(NamedTuple):
+    """Fits, the best first, their document, and a function that draws their figure."""
 
     fits: Sequence[AnyFit]
-    findings: dict[str, Any]
+    document: dict[str, Any]
     draw: Callable[[Path], None]
 
 
-def _linear(
-    tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, poisson: float, root: Floats | None
-) -> _FitsOfTables:
+def _linear_report(
+    tables: Sequence[MaterialTable],
+    laws: Sequence[str] | None,
+    scale: float,
+    poisson: float,
+    shift_root: Floats | None,
+) -> _FitReport:
+    """Return the report of linear laws; with a `shift_root` the first table is a master curve."""
     from palpate_reference.fit_figure import draw_fits
 
-    fits = material_fits(tables, laws, scale, poisson, root)
-    shown = supported_fits(fits) or fits[:1]
-    return _FitsOfTables(fits, document(fits, tables, poisson), lambda path: draw_fits(shown, tables, poisson, path))
+    fits = material_fits(tables, laws, scale, poisson, shift_root)
+    drawn_fits = supported_fits(fits) or fits[:1]
+    return _FitReport(fits, document(fits, tables, poisson), lambda path: draw_fits(drawn_fits, tables, poisson, path))
 
 
-def _hyperelastic(
+def _hyperelastic_report(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
-) -> _FitsOfTables:
+) -> _FitReport:
+    """Return the report of hyperelastic laws."""
     from palpate_reference.fit_figure import draw_curves
 
     fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
-    return _FitsOfTables(
-        fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path)
-    )
+    return _FitReport(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
 
 
 def _share(scale: str | None) -> float:
+    """Return a relative uncertainty, written as '2 %' or as a number without unit; 0 for none."""
+    if scale is None:
+        return 0.0
     try:
-        share = to_si(scale, "1") if scale is not None and not scale.strip().endswith("%") else _percent(scale)
+        text = scale.strip()
+        share = float(text.removesuffix("%")) / 100.0 if text.endswith("%") else to_si(scale, "1")
     except ValueError as error:
         raise ConfigurationError(f"--scale {scale!r}: write for example '2 %'") from error
     if not 0 <= share < 1:
         raise ConfigurationError(f"--scale {scale!r}: must be from 0 to 100 %")
     return share
-
-
-def _percent(scale: str | None) -> float:
-    return 0.0 if scale is None else float(scale.strip().removesuffix("%")) / 100.0
 
 
 def material_fits(
@@ -140,17 +146,22 @@ def material_fits(
     poisson: float,
     shift_root: Floats | None = None,
 ) -> list[TableFit[LinearLaw]]:
-    """Every law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
+    """Return the fits of every law, or of those of names, by BIC.
+
+    Raises ConfigurationError for an unknown name, and where no law can be fitted.
+    """
+    law_names = [*(law.name for law in LAWS), DECADES]
     for name in names or ():
-        known = [*(law.name for law in LAWS), DECADES]
-        if name not in known:
-            raise ConfigurationError(f"--law: no law {name!r}{suggest(name, known)}")
-    shear = {table.shear for table in tables}
-    std = POISSON_STD if True in shear else 0.0
+        if name not in law_names:
+            raise ConfigurationError(f"--law: no law {name!r}{suggest(name, law_names)}")
+    # Poisson's ratio counts for moduli of shear; the scale of a run is in its own uncertainty.
+    poisson_std = POISSON_STD if any(table.shear for table in tables) else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
-    problem = FitProblem(tuple(tables), poisson, std, scales, shift_root)
+    problem = FitProblem(tuple(tables), poisson, poisson_std, scales, shift_root)
+    laws = [law for law in LAWS if not names or law.name in names]
     series = decade_series(problem) if not names or DECADES in names else None
-    laws = [law for law in LAWS if not names or law.name in names] + ([series] if series else [])
+    if series is not None:
+        laws.append(series)
     fits = [fit_law(law, problem) for law in laws]
     ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
     if not ordered:
@@ -163,11 +174,14 @@ def material_fits(
 def curve_fits(
     tables: Sequence[MaterialTable], names: Sequence[str] | None, scale: float, loading: Loading | None
 ) -> list[TableFit[HyperelasticLaw]]:
-    """Every hyperelastic law, or those of names, by BIC; raises ConfigurationError where none can be fitted."""
-    known = [law.name for law in HYPERELASTIC]
+    """Return the fits of every hyperelastic law, or of those of names, by BIC.
+
+    Raises ConfigurationError for an unknown name, and where no law can be fitted.
+    """
+    law_names = [law.name for law in HYPERELASTIC]
     for name in names or ():
-        if name not in known:
-            raise ConfigurationError(f"--law: no law {name!r} of stress over strain{suggest(name, known)}")
+        if name not in law_names:
+            raise ConfigurationError(f"--law: no law {name!r} of stress over strain{suggest(name, law_names)}")
     curves = stress_curves(tables, loading)
     fits = [fit_curves(law, curves, scale) for law in HYPERELASTIC if not names or law.name in names]
     ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
@@ -178,6 +192,7 @@ def curve_fits(
 
 
 def _show(fits: Sequence[AnyFit], doubts: Sequence[str]) -> None:
+    """Print the laws, the values of the best, and what is doubtful."""
     screen = console()
     screen.print(law_table(fits).view(), highlight=False)
     screen.print(value_table(fits[0]).view(), highlight=False)
@@ -186,29 +201,35 @@ def _show(fits: Sequence[AnyFit], doubts: Sequence[str]) -> None:
 
 
 def document(fits: Sequence[TableFit[LinearLaw]], tables: Sequence[MaterialTable], poisson: float) -> dict[str, Any]:
-    """Everything as plain data [SI]; the best law first."""
-    standing = supported_fits(fits)
+    """Return linear laws as plain data [SI]; the best law first."""
+    supported = supported_fits(fits)
     laws = [
-        {**law_document(fit, fit in standing), "times": fit.law.times, "log_covariance": fit.covariance.tolist()}
+        {**law_document(fit, fit in supported), "times": fit.law.times, "log_covariance": fit.covariance.tolist()}
         for fit in fits
     ]
     return {**_sources(tables), "poisson": poisson, "laws": laws, "remarks": remarks(fits)}
 
 
 def curve_document(fits: Sequence[TableFit[HyperelasticLaw]], tables: Sequence[MaterialTable]) -> dict[str, Any]:
-    """The same of hyperelastic laws."""
-    standing = supported_fits(fits)
-    stable = [stable_stretches(fit.law, fit.values.tolist()) for fit in fits]
+    """Return hyperelastic laws as plain data [SI]; the best law first, with a remark if it is not always stable."""
+    supported = supported_fits(fits)
+    ranges = [stable_stretches(fit.law, fit.values.tolist()) for fit in fits]
     laws = [
-        {**law_document(fit, fit in standing), "stable_stretches": one, "covariance": fit.covariance.tolist()}
-        for fit, one in zip(fits, stable, strict=True)
+        {
+            **law_document(fit, fit in supported),
+            "stable_stretches": stable_range,
+            "covariance": fit.covariance.tolist(),
+        }
+        for fit, stable_range in zip(fits, ranges, strict=True)
     ]
     doubts = remarks(fits)
-    if stable[0] != stable_stretches(HYPERELASTIC[0], [1.0]):
-        low, high = stable[0]
+    # A neo-Hookean solid is stable over all stretches that are examined.
+    if ranges[0] != stable_stretches(HYPERELASTIC[0], [1.0]):
+        low, high = ranges[0]
         doubts.append(f"{fits[0].law.name}: the stress rises between stretches of {low:.3g} and {high:.3g} alone")
     return {**_sources(tables), "poisson": 0.5, "laws": laws, "remarks": doubts}
 
 
 def _sources(tables: Sequence[MaterialTable]) -> dict[str, Any]:
-    return {"sources": [{"name": one.name, "kind": one.kind, "shear": one.shear, "rows": len(one.x)} for one in tables]}
+    sources = [{"name": table.name, "kind": table.kind, "shear": table.shear, "rows": len(table.x)} for table in tables]
+    return {"sources": sources}

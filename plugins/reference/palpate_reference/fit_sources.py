@@ -1,4 +1,4 @@
-"""What laws are fitted to: tables of files, and runs of a sine as one line each."""
+"""The sources of a fit of laws: tables of files, and runs of a sine as one line each."""
 
 from __future__ import annotations
 
@@ -15,26 +15,32 @@ from palpate_reference.table_reader import read_tables
 
 
 def read_sources(sources: Sequence[Path], settings: TableSettings, poisson: float) -> list[MaterialTable]:
-    """Tables of moduli and compliances, and one line for each run; of files without any, curves of stress over strain.
+    """Return tables of moduli and compliances, and one line for each run; else curves of stress over strain.
 
-    Raises UserError, also for what no law describes.
+    Raises UserError, also where no law describes any of the tables, such as moduli at one frequency over strain.
     """
     tables: list[MaterialTable] = []
     for path in sources:
-        tables += [_line_of_run(path, poisson)] if path.is_dir() else read_tables(path, settings)
-    linear = [one for one in tables if one.kind != "stress-strain"]
-    linear = [one for one in linear if one.kind != "oscillation" or len(one.x) == 1 or one.sweeps_frequency]
-    usable = linear or [one for one in tables if one.kind == "stress-strain"]
+        tables += [_run_table(path, poisson)] if path.is_dir() else read_tables(path, settings)
+    usable = [table for table in tables if _is_linear(table)]
+    usable = usable or [table for table in tables if table.kind == "stress-strain"]
     if not usable:
-        names = ", ".join(f"{one.name} ({one.kind})" for one in tables)
+        names = ", ".join(f"{table.name} ({table.kind})" for table in tables)
         raise ConfigurationError(
             f"{names}: no modulus over several frequencies or over time, so no law of time follows from it"
         )
     return usable
 
 
-def _line_of_run(path: Path, poisson: float) -> MaterialTable:
-    """G' = E/(2 (1 + nu)) and G'' = 2 pi f eta of a palpation by a sine."""
+def _is_linear(table: MaterialTable) -> bool:
+    """Return True for moduli over frequency or time, and compliances; not for a sweep of the strain."""
+    if table.kind == "oscillation":
+        return len(table.x) == 1 or table.sweeps_frequency
+    return table.kind != "stress-strain"
+
+
+def _run_table(path: Path, poisson: float) -> MaterialTable:
+    """Return E' = E and E'' = 2 pi f 2 (1 + nu) eta of a palpation by a sine, as a table of one row."""
     elastic, viscous = run_values(path, ("elasticity", "viscosity"), None)
     frequency = elastic.conditions.frequency
     if frequency is None:
@@ -42,9 +48,17 @@ def _line_of_run(path: Path, poisson: float) -> MaterialTable:
             f"{path}: its motion is not one sine, so that E and eta belong to no frequency; give the spectrum.csv or "
             "modulus.csv that `palpate fit spectrum` makes of it"
         )
-    turn = 2.0 * math.pi * frequency
-    y = np.array([[elastic.value, turn * 2.0 * (1.0 + poisson) * viscous.value]])
-    std = np.array([[elastic.std, turn * 2.0 * (1.0 + poisson) * viscous.std]])
+    omega = 2.0 * math.pi * frequency  # [rad/s]
+    loss, loss_std = (omega * 2.0 * (1.0 + poisson) * viscosity for viscosity in (viscous.value, viscous.std))
     return MaterialTable(
-        path.name, elastic.track, "run", "oscillation", False, np.array([frequency]), y, std, None, None
+        path.name,
+        elastic.track,
+        format="run",
+        kind="oscillation",
+        shear=False,
+        x=np.array([frequency]),
+        y=np.array([[elastic.value, loss]]),
+        std=np.array([[elastic.std, loss_std]]),
+        strain=None,
+        temperature=None,
     )

@@ -13,8 +13,9 @@ from palpate_records.tables.cells import number
 from palpate_records.tables.dialect import Dialect, dialect_of
 from palpate_records.tables.table_text import bounded_lines, open_text
 
-_LARGEST = 50_000_000  # characters
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_MAX_CHARACTERS = 50_000_000  # a choice: a table of an instrument is smaller by far
+_MIN_NUMBERS = 2  # in a row: one number alone stands in many texts
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # "1,234"
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class TextLine:
 
 @dataclass(frozen=True)
 class InstrumentText:
-    """All lines of a file, and how they are written."""
+    """All lines of a file, and their dialect: delimiter, decimal and thousands signs."""
 
     path: Path
     lines: tuple[TextLine, ...]
@@ -40,7 +41,7 @@ class InstrumentText:
 
     @cached_property
     def first_cells(self) -> list[str]:
-        """The first cell of each line, in small letters."""
+        """First cell of each line, in small letters."""
         return [line.cell(0).lower() for line in self.lines]
 
     def is_number(self, cell: str) -> bool:
@@ -50,8 +51,8 @@ class InstrumentText:
     def is_row(self, line: TextLine) -> bool:
         """Return True if a line is one of numbers: two at least, and more of them than of texts."""
         filled = [cell for cell in line.cells if cell]
-        numbers = sum(map(self.is_number, filled))
-        return numbers >= 2 and numbers > len(filled) - numbers
+        number_count = sum(map(self.is_number, filled))
+        return number_count >= _MIN_NUMBERS and number_count > len(filled) - number_count
 
     def number(self, cell: str) -> float:
         """Return the number in a cell; raises ValueError."""
@@ -59,15 +60,17 @@ class InstrumentText:
 
 
 def read_text(path: Path) -> InstrumentText:
-    """Return the lines of a text, plain, gzipped or a workbook; raises LogError where it cannot be read, or is
-    empty."""
+    """Return the lines of a file: text, plain or gzipped, or a workbook.
+
+    Raises LogError where it cannot be read, is empty, or is too large for a table of an instrument.
+    """
     raw: list[str] = []
     with open_text(path) as file:
         size = 0
         for line in bounded_lines(file, path):
             raw.append(line.rstrip("\r\n"))
             size += len(line)
-            if size > _LARGEST or "\0" in line:
+            if size > _MAX_CHARACTERS or "\0" in line:
                 raise LogError(f"{path}: is not an instrument's table as text: export it from the instrument's program")
     if not any(line.strip() for line in raw):
         raise LogError(f"{path}: is empty")
@@ -75,17 +78,19 @@ def read_text(path: Path) -> InstrumentText:
     if dialect.delimiter == " ":
         raw = [line.replace("\t", " ") for line in raw]  # tabs between names above spaces between numbers
     cells = [tuple(cell.strip() for cell in next(dialect.rows([line]), [])) for line in raw]
-    found = InstrumentText(path, tuple(TextLine(n, one) for n, one in enumerate(cells, 1)), dialect, tuple(raw))
+    lines = tuple(TextLine(number, line_cells) for number, line_cells in enumerate(cells, 1))
+    text = InstrumentText(path, lines, dialect, tuple(raw))
     if dialect.decimal == ",":
-        _refuse_thousands(found)
-    return found
+        _refuse_thousands(text)
+    return text
 
 
 def _refuse_thousands(text: InstrumentText) -> None:
     """Raise LogError where every comma may stand between thousands as well."""
-    rows = [(line.number, cell) for line in text.lines if text.is_row(line) for cell in line.cells if "," in cell]
-    if rows and all(_GROUPED.fullmatch(cell) for _, cell in rows):
-        number, cell = rows[0]
+    rows = [line for line in text.lines if text.is_row(line)]
+    comma_cells = [(row.number, cell) for row in rows for cell in row.cells if "," in cell]
+    if comma_cells and all(_GROUPED.fullmatch(cell) for _, cell in comma_cells):
+        number, cell = comma_cells[0]
         raise LogError(
             f"{text.path}:{number}: {cell!r} can be one and a fraction or a thousand: export the table with points"
         )

@@ -12,22 +12,23 @@ from palpate_engine import display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
-_SMALL = 0.05  # share of an uncertainty that is not printed
-_CLOSE = 6.0  # BIC above the best
-_REFUTED = 1e-3  # p
+_PRINTED_SHARE = 0.05  # of an uncertainty, a choice: a smaller contribution is not printed
+_MAX_BIC_DIFFERENCE = 6.0  # above the best; strong evidence beyond (Kass and Raftery 1995)
+_REFUTED = 1e-3  # p, a choice: one true law in a thousand is refuted by chance
+MAX_CORRELATION = 0.9  # of neighbouring residuals, a choice: above it the inflation of a covariance is arbitrary
 
 
 class LawDescription(Protocol):
-    """What any law says of itself."""
+    """Description of any law."""
 
     @property
     def name(self) -> str:
-        """As it is chosen."""
+        """Name by which a law is chosen."""
         ...
 
     @property
     def formula(self) -> str:
-        """In letters."""
+        """Formula in letters."""
         ...
 
     @property
@@ -67,64 +68,74 @@ AnyFit = TableFit[Any]
 
 
 def supported_fits(fits: Sequence[TableFit[Law]]) -> list[TableFit[Law]]:
-    """Laws whose BIC is within 6 of the best and that stated uncertainties do not refute; the best first."""
-    standing = sorted((fit for fit in fits if not fit.p < _REFUTED), key=lambda fit: fit.bic)
-    return [fit for fit in standing if fit.bic - standing[0].bic < _CLOSE]
+    """Return the laws whose BIC is within 6 of the best and that stated uncertainties do not refute; best first."""
+    unrefuted = sorted((fit for fit in fits if not fit.p < _REFUTED), key=lambda fit: fit.bic)
+    return [fit for fit in unrefuted if fit.bic - unrefuted[0].bic < _MAX_BIC_DIFFERENCE]
 
 
 def law_table(fits: Sequence[AnyFit]) -> Table:
-    """Laws by evidence."""
-    standing = supported_fits(fits)
-    rows = [
-        (
-            fit.law.name, ", ".join(f"{100 * s:.2g}" for s in fit.scatter),
-            f"{fit.chi2:.3g} / {fit.freedom}" if fit.freedom else "", f"{fit.bic - fits[0].bic:.3g}",
-            "supported" if fit in standing else "",
+    """Return the laws side by side, with their evidence."""
+    supported = supported_fits(fits)
+    rows = []
+    for fit in fits:
+        scatter = ", ".join(f"{100 * table_scatter:.2g}" for table_scatter in fit.scatter)
+        chi2 = f"{fit.chi2:.3g} / {fit.freedom}" if fit.freedom else ""
+        rows.append(
+            (fit.law.name, scatter, chi2, f"{fit.bic - fits[0].bic:.3g}", "supported" if fit in supported else "")
         )
-        for fit in fits
-    ]  # fmt: skip
     return Table.of("laws", ("law", "residual\n%", "chi^2 / freedom", "BIC above\nthe best", ""), rows, ("law",))
 
 
 def value_table(fit: AnyFit) -> Table:
-    """Values of a law, each with its budget."""
+    """Return the values of a law, each with its budget; a single table is not named in it."""
+    has_one_table = len(fit.scatter) == 1
     rows = []
     for k, (name, unit) in enumerate(fit.law.parameters):
-        word, factor = display_unit(unit)
-        text = value_with_uncertainty(factor * float(fit.values[k]), factor * float(fit.stds[k]))
-        parts = [
-            f"{abs(100 * share[k] / fit.values[k]):.2g} % {source if len(fit.scatter) > 1 else source.split(' of ')[0]}"
-            for source, share in fit.budget.items()
-            if share[k] > _SMALL * fit.stds[k]
-        ]
-        rows.append((name, text, "" if word == "1" else word, "; ".join(parts)))
+        unit_name, factor = display_unit(unit)
+        value = value_with_uncertainty(factor * float(fit.values[k]), factor * float(fit.stds[k]))
+        parts = []
+        for source, share in fit.budget.items():
+            if share[k] > _PRINTED_SHARE * fit.stds[k]:
+                source_name = source.split(" of ")[0] if has_one_table else source
+                parts.append(f"{abs(100 * share[k] / fit.values[k]):.2g} % {source_name}")
+        rows.append((name, value, "" if unit_name == "1" else unit_name, "; ".join(parts)))
     return Table.of(f"{fit.law.name}: {fit.law.formula}", ("parameter", "value", "unit", "from"), rows, ("parameter",))
 
 
 def remarks(fits: Sequence[AnyFit]) -> list[str]:
-    """What is to be doubted of the best law."""
-    best, standing = fits[0], supported_fits(fits)
+    """Return sentences on what is doubtful of the best law."""
+    best, supported = fits[0], supported_fits(fits)
     doubts = []
     if best.undetermined:
         doubts.append(f"{best.law.name}: the tables do not determine {', '.join(best.undetermined)}")
-    if not standing:
+    if not supported:
         doubts.append(f"no law describes the tables within their stated uncertainties (best: p = {best.p:.1g})")
-    if len(standing) > 1:
-        doubts.append(f"the tables do not choose between {' and '.join(fit.law.name for fit in standing)}")
+    if len(supported) > 1:
+        doubts.append(f"the tables do not choose between {' and '.join(fit.law.name for fit in supported)}")
     return doubts
 
 
 def law_document(fit: AnyFit, supported: bool) -> dict[str, Any]:
     """Return a fitted law as plain data [SI]."""
+    parameters = {
+        name: {
+            "value": float(fit.values[k]),
+            "std": float(fit.stds[k]),
+            "unit": unit,
+            "budget": {source: float(share[k]) for source, share in fit.budget.items()},
+        }
+        for k, (name, unit) in enumerate(fit.law.parameters)
+    }
     return {
-        "law": fit.law.name, "formula": fit.law.formula, "supported": supported, "bic": fit.bic, "chi2": fit.chi2,
-        "freedom": fit.freedom, "p": fit.p, "residual": fit.scatter, "autocorrelation": fit.autocorrelation,
+        "law": fit.law.name,
+        "formula": fit.law.formula,
+        "supported": supported,
+        "bic": fit.bic,
+        "chi2": fit.chi2,
+        "freedom": fit.freedom,
+        "p": fit.p,
+        "residual": fit.scatter,
+        "autocorrelation": fit.autocorrelation,
         "undetermined": fit.undetermined,
-        "parameters": {
-            name: {
-                "value": float(fit.values[k]), "std": float(fit.stds[k]), "unit": unit,
-                "budget": {source: float(share[k]) for source, share in fit.budget.items()},
-            }
-            for k, (name, unit) in enumerate(fit.law.parameters)
-        },
-    }  # fmt: skip
+        "parameters": parameters,
+    }

@@ -1,4 +1,4 @@
-"""``palpate material``: what rheometers, DMAs and dynamometers have written, as it is read."""
+"""``palpate material``: the tables of rheometers, DMAs and dynamometers, as they are read."""
 
 from __future__ import annotations
 
@@ -45,35 +45,40 @@ def material(
 
 
 def overview(tables: Sequence[MaterialTable]) -> Table:
-    """One row for each table."""
-    word, factor = display_unit("Pa")
+    """Return one row for each table."""
+    unit, factor = display_unit("Pa")
     rows = []
     for table in tables:
-        inverse = table.kind == "creep"
-        scale, unit = (1.0 / factor, f"1/{word}") if inverse else (factor, word)
-        values = ", ".join(f"{name} {_span(scale * table.y[:, k])} {unit}" for k, name in enumerate(letters(table)))
+        # A compliance is shown in the inverse unit.
+        value_scale, value_unit = (1.0 / factor, f"1/{unit}") if table.kind == "creep" else (factor, unit)
+        columns = enumerate(letters(table))
+        values = ", ".join(f"{name} {_span(value_scale * table.y[:, k])} {value_unit}" for k, name in columns)
         axis = f"{_span(table.x)} {frequency_or_time(table.kind)}".removesuffix(" 1")
-        at = [] if table.strain is None else [f"{_span(100 * table.strain)} %"]
-        at += [] if table.temperature is None else [f"{_span(table.temperature)} °C"]
+        conditions = []
+        if table.strain is not None:
+            conditions.append(f"{_span(100 * table.strain)} %")
+        if table.temperature is not None:
+            conditions.append(f"{_span(table.temperature)} °C")
         name = printable(table.title or table.source)
-        rows.append((name, f"{table.format}: {table.kind}", str(len(table.x)), axis, values, ", ".join(at)))
+        rows.append((name, f"{table.format}: {table.kind}", str(len(table.x)), axis, values, ", ".join(conditions)))
     return Table.of("", ("table", "read as", "rows", "over", "values", "at"), rows)
 
 
 def _span(values: Floats) -> str:
-    """From the least to the largest, or one number."""
+    """Return the range of values (n,), or one number if all are the same to four digits."""
     low, high = (f"{value:.4g}" for value in (np.nanmin(values), np.nanmax(values)))
     return low if low == high else f"{low} to {high}"
 
 
 def document(table: MaterialTable) -> dict[str, Any]:
-    """Everything as plain data [SI]."""
-    plain = {key: None if one is None else one.tolist() for key, one in _arrays(table).items()}
+    """Return a table as plain data [SI]."""
+    columns = {key: getattr(table, key) for key in ("x", "y", "std", "strain", "temperature")}
     return {
-        "source": table.source, "title": table.title, "format": table.format, "kind": table.kind,
-        "shear": table.shear, **plain, "notes": table.notes,
-    }  # fmt: skip
-
-
-def _arrays(table: MaterialTable) -> dict[str, Floats | None]:
-    return {key: getattr(table, key) for key in ("x", "y", "std", "strain", "temperature")}
+        "source": table.source,
+        "title": table.title,
+        "format": table.format,
+        "kind": table.kind,
+        "shear": table.shear,
+        **{key: None if column is None else column.tolist() for key, column in columns.items()},
+        "notes": table.notes,
+    }

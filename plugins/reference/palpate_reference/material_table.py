@@ -1,4 +1,4 @@
-"""What an instrument measured of a material: moduli over frequency or time, creep, stress over strain."""
+"""A table that an instrument measured of a material: moduli over frequency or time, creep, stress over strain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 from palpate import Floats
 
 Kind = Literal["oscillation", "relaxation", "creep", "stress-strain"]
-_SAME = 0.02  # relative difference of frequencies of one line
+_FREQUENCY_TOLERANCE = 0.02  # relative, a choice: frequencies that differ by less are one
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class MaterialTable:
     @property
     def sweeps_frequency(self) -> bool:
         """True if an oscillation has several frequencies."""
-        return self.kind == "oscillation" and float(self.x.max()) > (1.0 + _SAME) * float(self.x.min())
+        return self.kind == "oscillation" and float(self.x.max()) > (1.0 + _FREQUENCY_TOLERANCE) * float(self.x.min())
 
     @property
     def name(self) -> str:
@@ -41,11 +41,11 @@ class MaterialTable:
 
 @dataclass(frozen=True)
 class TableSettings:
-    """What a person states about the tables of a file."""
+    """Statements of a person about the tables of a file."""
 
-    units: Mapping[str, str]  # by column
-    shear: bool | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)  # that are named, by role
+    units: Mapping[str, str]  # by name of a column
+    shear: bool | None = None  # True: moduli are of shear, False: Young's; None: not stated
+    columns: Mapping[str, str] = field(default_factory=dict)  # names of columns, by role
 
 
 def frequency_or_time(kind: Kind) -> str:
@@ -54,7 +54,7 @@ def frequency_or_time(kind: Kind) -> str:
 
 
 def letters(table: MaterialTable) -> Sequence[str]:
-    """What the columns of a table are called."""
+    """Return the symbols of the values of a table."""
     young = "G" if table.shear else "E"
     return {
         "oscillation": (f"{young}'", f"{young}''"),

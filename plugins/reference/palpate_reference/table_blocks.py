@@ -16,7 +16,8 @@ from palpate_reference.instrument_text import InstrumentText, TextLine
 
 TRIOS, RHEOCOMPASS, SIGNALS, GENERIC = "TRIOS", "RheoCompass", "Universal Analysis", "table"
 _SIGNAL, _DATA = re.compile(r"sig\d+\b[\s:]*", re.IGNORECASE), "startofdata"
-_ABOUT = 40  # lines that name the instrument
+_HEADER_LINES = 40  # that may name the instrument, a choice
+_STEP_LINES = 4  # of a step of TRIOS before its rows: [step], title, names, units
 _STEP, _INTERVAL, _NAMES, _RESULT = "[step]", "interval and data points:", "interval data:", "result:"
 _VARIABLES, _POINTS, _POINT = "variables", "number of points", "data point"  # of a step in the LIMS form of TRIOS
 _COMMENT = "#%"
@@ -34,7 +35,7 @@ class TableBlock:
     names_line: int  # counted from 1; 0 without names
     units: tuple[str, ...]  # as in the row below the names; empty without one
     rows: tuple[TextLine, ...]
-    shear: bool | None = None  # what the file says of its instrument; None where it says nothing
+    shear: bool | None = None  # True for a rheometer, False for a DMA; None where the file does not name its instrument
 
 
 def table_blocks(text: InstrumentText) -> list[TableBlock]:
@@ -76,82 +77,101 @@ FORMAT_RULES = (trios, universal_analysis, rheocompass, one_table)
 
 
 def _trios(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
-    """Steps: the line ``[step]``, its title, names, units, and rows up to an empty line; or the LIMS form of them."""
-    begins = [k for k, cell in enumerate(first) if cell == _STEP]
-    about = " ".join(" ".join(line.cells[:2]) for line in text.lines[: begins[0]] if "nstrument" in line.cell(0))
-    shear = True if _SHEAR.search(about) else False if _TENSILE.search(about) else None
-    for begin, end in zip(begins, [*begins[1:], len(first)], strict=True):
-        if end - begin < 4:
-            raise LogError(f"{text.path}:{begin + 1}: the file ends in this step: it has no names and units")
-        if _VARIABLES in first[begin:end]:
-            yield _lims_step(text, first, begin, end, shear)
+    """Yield the steps of TRIOS, by the first cell of each line.
+
+    A step is a line ``[step]``, its title, names, units, and rows up to an empty line; or the LIMS form of a step.
+    """
+    starts = [k for k, cell in enumerate(first) if cell == _STEP]
+    instrument_lines = [line for line in text.lines[: starts[0]] if "nstrument" in line.cell(0)]
+    shear = _shear_of(" ".join(" ".join(line.cells[:2]) for line in instrument_lines))
+    for start, stop in zip(starts, [*starts[1:], len(first)], strict=True):
+        if stop - start < _STEP_LINES:
+            raise LogError(f"{text.path}:{start + 1}: the file ends in this step: it has no names and units")
+        if _VARIABLES in first[start:stop]:
+            yield _lims_step(text, first, start, stop, shear)
             continue
-        title, names, units = (text.lines[begin + k] for k in (1, 2, 3))
-        rows = tuple(line for line in text.lines[begin + 4 : end] if any(line.cells))
+        title, names, units = text.lines[start + 1 : start + _STEP_LINES]
+        rows = tuple(line for line in text.lines[start + _STEP_LINES : stop] if any(line.cells))
         yield TableBlock(TRIOS, title.cell(0), names.cells, names.number, _padded(units, names), rows, shear)
 
 
-def _lims_step(text: InstrumentText, first: Sequence[str], begin: int, end: int, shear: bool | None) -> TableBlock:
-    """Return a step whose lines say what they are: step name, number of points, variables, units, data points."""
-    at = {first[k]: text.lines[k] for k in range(begin + 1, end) if first[k] != _POINT}
-    names, units = at[_VARIABLES], at.get("units", TextLine(0, ()))
-    rows = tuple(text.lines[k] for k in range(begin, end) if first[k] == _POINT)
-    if _POINTS in at:
-        _demand_all_rows(text, at[_POINTS], at[_POINTS].cell(1), rows)
-    title = at["step name"].cell(1) if "step name" in at else ""
+def _shear_of(instrument: str) -> bool | None:
+    """Return True for the name of a rheometer, False for that of a DMA, None for any other text."""
+    if _SHEAR.search(instrument):
+        return True
+    return False if _TENSILE.search(instrument) else None
+
+
+def _lims_step(text: InstrumentText, first: Sequence[str], start: int, stop: int, shear: bool | None) -> TableBlock:
+    """Return a step whose lines begin with their kind: step name, number of points, variables, units, data point."""
+    line_of = {first[k]: text.lines[k] for k in range(start + 1, stop) if first[k] != _POINT}
+    names, units = line_of[_VARIABLES], line_of.get("units", TextLine(0, ()))
+    rows = tuple(text.lines[k] for k in range(start, stop) if first[k] == _POINT)
+    if _POINTS in line_of:
+        _demand_all_rows(text, line_of[_POINTS], line_of[_POINTS].cell(1), rows)
+    title = line_of["step name"].cell(1) if "step name" in line_of else ""
     return TableBlock(TRIOS, title, ("", *names.cells[1:]), names.number, _padded(units, names), rows, shear)
 
 
 def _signals(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
-    """One table of a Q800 and its like: lines ``Sig1``, ... name the columns, rows stand below StartOfData."""
-    named = [(line, " ".join(line.cells)) for line in text.lines if _SIGNAL.match(line.cell(0).lower())]
-    names = tuple(_SIGNAL.sub("", name.strip(), count=1).strip() for _, name in named)
-    below = text.lines[first.index(_DATA) + 1 :]
-    rows = (line for line in below if len([cell for cell in line.cells if cell]) >= len(names))
-    about = " ".join(" ".join(line.cells) for line in text.lines[:_ABOUT])
-    shear = True if _SHEAR.search(about) else False if _TENSILE.search(about) else None
-    marks = tuple(line for line in rows if not line.cell(0).startswith("-"))  # negative times end a step
-    yield TableBlock(SIGNALS, "", names, named[0][0].number, (), marks, shear)
+    """Yield the table of a Q800 and its like: lines ``Sig1``, ... name the columns, rows stand below StartOfData."""
+    name_lines = [line for line in text.lines if _SIGNAL.match(line.cell(0).lower())]
+    names = tuple(_SIGNAL.sub("", " ".join(line.cells).strip(), count=1).strip() for line in name_lines)
+    shear = _shear_of(" ".join(" ".join(line.cells) for line in text.lines[:_HEADER_LINES]))
+    rows = []
+    for line in text.lines[first.index(_DATA) + 1 :]:
+        is_full = len([cell for cell in line.cells if cell]) >= len(names)
+        is_mark = line.cell(0).startswith("-")  # negative times end a step
+        if is_full and not is_mark:
+            rows.append(line)
+    yield TableBlock(SIGNALS, "", names, name_lines[0].number, (), tuple(rows), shear)
 
 
 def _rheocompass(text: InstrumentText, first: Sequence[str]) -> Iterator[TableBlock]:
-    """Intervals: their number and length, ``Interval data:`` with names, units in brackets, and rows."""
-    begins = [k for k, cell in enumerate(first) if cell == _INTERVAL]
-    for begin, end in zip(begins, [*begins[1:], len(first)], strict=True):
-        result = next((text.lines[k].cell(1) for k in range(begin, -1, -1) if first[k] == _RESULT), "")
-        title = f"{result}, interval {text.lines[begin].cell(1)}".lstrip(", ")
-        at = next((k for k in range(begin, end) if first[k] == _NAMES), None)
-        if at is None:
-            raise LogError(f"{text.path}:{begin + 1}: the interval has no line 'Interval data:' with names")
-        names = text.lines[at]
-        below = [line for line in text.lines[at + 1 : end] if any(line.cells)]
-        units = below[0] if below and any(cell.startswith("[") for cell in below[0].cells) else None
-        rest = below[1:] if units else below
-        rows = tuple(line for line in rest if not line.cell(0) and any(line.cells))
-        _demand_all_rows(text, text.lines[begin], text.lines[begin].cell(2), rows)
-        stated = _padded(units, names) if units else ()
-        yield TableBlock(RHEOCOMPASS, title, ("", *names.cells[1:]), names.number, stated, rows)
+    """Yield the intervals of RheoCompass.
+
+    An interval is a line with its number and length, ``Interval data:`` with names, units in brackets, and rows.
+    """
+    starts = [k for k, cell in enumerate(first) if cell == _INTERVAL]
+    for start, stop in zip(starts, [*starts[1:], len(first)], strict=True):
+        # The nearest line above names the result that the interval belongs to.
+        result = next((text.lines[k].cell(1) for k in range(start, -1, -1) if first[k] == _RESULT), "")
+        title = f"{result}, interval {text.lines[start].cell(1)}".lstrip(", ")
+        names_index = next((k for k in range(start, stop) if first[k] == _NAMES), None)
+        if names_index is None:
+            raise LogError(f"{text.path}:{start + 1}: the interval has no line 'Interval data:' with names")
+        names = text.lines[names_index]
+        lines = [line for line in text.lines[names_index + 1 : stop] if any(line.cells)]
+        has_units = bool(lines) and any(cell.startswith("[") for cell in lines[0].cells)
+        units = _padded(lines[0], names) if has_units else ()
+        rows = tuple(line for line in (lines[1:] if has_units else lines) if not line.cell(0))
+        _demand_all_rows(text, text.lines[start], text.lines[start].cell(2), rows)
+        yield TableBlock(RHEOCOMPASS, title, ("", *names.cells[1:]), names.number, units, rows)
 
 
-def _demand_all_rows(text: InstrumentText, head: TextLine, stated: str, rows: Sequence[TextLine]) -> None:
-    """Raise LogError where a step or an interval has fewer rows than it says."""
+def _demand_all_rows(text: InstrumentText, heading: TextLine, stated: str, rows: Sequence[TextLine]) -> None:
+    """Raise LogError where a step or an interval has fewer rows than its heading states."""
     if stated.isdigit() and len(rows) < int(stated):
-        raise LogError(f"{text.path}:{head.number}: states {stated} points, but has {len(rows)}: the file is cut short")
+        raise LogError(
+            f"{text.path}:{heading.number}: states {stated} points, but has {len(rows)}: the file is cut short"
+        )
 
 
 def _generic(text: InstrumentText) -> Iterator[TableBlock]:
     """Yield one table: names, perhaps units, and every line from the first row of numbers on."""
-    begin = next((k for k, line in enumerate(text.lines) if any(line.cells) and text.is_row(line)), None)
-    if begin is None:
+    start = next((k for k, line in enumerate(text.lines) if any(line.cells) and text.is_row(line)), None)
+    if start is None:
         return
-    rows = tuple(line for line in text.lines[begin:] if any(line.cells) and line.cell(0)[:1] not in tuple(_COMMENT))
+    lines = [line for line in text.lines[start:] if any(line.cells)]
+    rows = tuple(line for line in lines if line.cell(0)[:1] not in tuple(_COMMENT))
     width = len(rows[0].cells)
-    top = TopLines(text.path, text.raw[: begin + 1], RowBlock(begin, len(rows), width, width), text.dialect)
-    names, at = top.names.cells, top.names.line
-    if not names:
-        names = tuple(f"column {k + 1}" for k in range(width))
-    yield TableBlock(GENERIC, "", names, 0 if at is None else at + 1, tuple(map(plain_unit, top.unit_row.cells)), rows)
+    row_block = RowBlock(start, len(rows), width, width)
+    top = TopLines(text.path, text.raw[: start + 1], row_block, text.dialect)
+    names = top.names.cells or tuple(f"column {k + 1}" for k in range(width))
+    names_line = 0 if top.names.line is None else top.names.line + 1  # counted from 1
+    yield TableBlock(GENERIC, "", names, names_line, tuple(map(plain_unit, top.unit_row.cells)), rows)
 
 
 def _padded(units: TextLine, names: TextLine) -> tuple[str, ...]:
+    """Return a unit without brackets for each name, empty where there are fewer units."""
     return tuple(units.cell(k).strip("[]() ") for k in range(len(names.cells)))

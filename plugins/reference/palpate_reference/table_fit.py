@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,53 +11,24 @@ from palpate import Floats
 from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 from palpate_kit.numerics.material_laws import LinearLaw
 
-from palpate_reference.law_fit import TableFit
-from palpate_reference.material_table import MaterialTable
+from palpate_reference.fit_problem import FitProblem, log_errors, scaled_residuals, shear_factor
+from palpate_reference.law_fit import MAX_CORRELATION, TableFit
 
-_FIRST = 0.03  # relative scatter of a table that states none, before it is known
-_EXACT = 1e-7  # relative scatter of a table without noise, as its digits leave it
-_ROUNDS = 3  # in which it is found
-_LOG = 60.0  # bounds of logarithms
-_LEAST = 1e-30  # of a prediction over the reading
-_WORST = 0.9  # autocorrelation of residuals, above which it says no more
-_NO_SLOPE = 1e-6  # sum of squares
-_RANK = 1e-10  # of the largest eigenvalue of the information, below which it counts as none
-_NOTHING = 1e-13  # of it, below which a direction counts for nothing
-_HELD = 0.5  # information from what is known before: 1 for each such unknown
-_SHARE = 1e-3  # of a direction
-_UNDETERMINED = 1.0  # relative standard uncertainty
-
-
-@dataclass(frozen=True)
-class FitProblem:
-    """Tables of one material, and what is not exactly known of them."""
-
-    tables: tuple[MaterialTable, ...]
-    poisson: float
-    poisson_std: float
-    scales: tuple[float, ...]  # relative standard uncertainty of all values of a table together; 0: exact
-    shift_root: Floats | None = None  # R (2, n, m): errors of ln x and ln y of the first table are R z, z of variance 1
-
-    @property
-    def count(self) -> int:
-        """How many readings there are."""
-        return sum(table.y.size for table in self.tables)
-
-    @property
-    def shift_count(self) -> int:
-        """How many unknowns the shifts of the tables add."""
-        return 0 if self.shift_root is None else self.shift_root.shape[2]
-
-
-def predictions(law: LinearLaw, table: MaterialTable, values: Sequence[float], poisson: float) -> Floats:
-    """What a table would read (n, 1 or 2) if a law held."""
-    per = 2.0 * (1.0 + poisson) if table.shear else 1.0
-    if table.kind == "oscillation":
-        found = law.complex_modulus(table.x, values, poisson) / per
-        return np.column_stack([found.real, found.imag])
-    if table.kind == "creep":
-        return law.creep(table.x, values, poisson)[:, None] * per
-    return law.relaxation(table.x, values, poisson)[:, None] / per
+# Choices, where nothing else is said.
+_FIRST_SCATTER = 0.03  # relative, of a table that states none, before it is known
+_MIN_SCATTER = 1e-7  # relative, of a table without noise, as its digits leave it
+_SCATTER_ROUNDS = 3  # in which the scatter is found
+_MAX_LOG_VALUE = 60.0  # bounds of logarithms of values in SI: 1e26 either way
+_MAX_PRIOR = 10.0  # standard uncertainties, bounds of the unknowns with a prior
+_GAIN = 1e-12  # relative gain of a step, below which the minimum is found
+_SLOPE_STEP = 1e-5  # of scaled unknowns, between curvature and rounding
+_MIN_SLOPE_SQUARES = 1e-6  # below, the tables do not depend on an unknown
+_MIN_INFORMATION = 1e-10  # of the largest eigenvalue of the information, below which a direction is not determined
+_MIN_EIGENVALUE = 1e-13  # of the largest, below which a direction is rounding
+_PRIOR_INFORMATION = 0.5  # half of the 1 by which a prior holds its unknown: such a direction is determined
+_MIN_SHARE = 1e-3  # of an unknown in a direction that is not determined
+_MAX_RELATIVE_STD = 1.0  # from which on a value is not determined
+_MIN_SQUARE = 1e-18  # of the relative scatter: keeps the logarithm finite
 
 
 def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
@@ -71,146 +41,173 @@ def fit_law(law: LinearLaw, problem: FitProblem) -> TableFit[LinearLaw] | None:
     count = len(law.parameters)
     if problem.count <= count + 1:
         return None
-    sigmas = [_FIRST] * len(problem.tables)
-    best: Floats | None = None
-    for _ in range(_ROUNDS):
-        best = _minimum(law, problem, sigmas, best)
-        if best is None:
+    sigmas = [_FIRST_SCATTER] * len(problem.tables)
+    unknowns: Floats | None = None
+    for _ in range(_SCATTER_ROUNDS):
+        unknowns = _least_squares(law, problem, sigmas, unknowns)
+        if unknowns is None:
             return None
-        errors = _errors(law, problem, best)
-        share = 1.0 - count / problem.count
-        sigmas = [max(math.sqrt(float(np.mean(e**2)) / share), _EXACT) for e in errors]
+        # Scatter of each table about the law, for the degrees of freedom that the law leaves.
+        errors = log_errors(law, problem, unknowns)
+        free_share = 1.0 - count / problem.count
+        sigmas = [max(math.sqrt(float(np.mean(error**2)) / free_share), _MIN_SCATTER) for error in errors]
         if all(table.std is not None for table in problem.tables):
             break
-    assert best is not None
-    return _outcome(law, problem, best, sigmas)
+    assert unknowns is not None
+    return _table_fit(law, problem, unknowns, sigmas)
+
+
+def _least_squares(
+    law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None
+) -> Floats | None:
+    """Return the unknowns of the least squares: from those `before`, or the best of the law's starts; None for none.
+
+    Unknowns are the logarithms of the law's values, then those with a prior (see `fit_problem`), which begin at 0.
+    """
+    prior_count = problem.prior_count
+    log_uppers = [math.log(upper) if upper < math.inf else _MAX_LOG_VALUE for upper in law.uppers]
+    high = np.array(log_uppers + [_MAX_PRIOR] * prior_count)
+    low = np.array([-_MAX_LOG_VALUE] * len(law.parameters) + [-_MAX_PRIOR] * prior_count)
+    if before is not None:
+        starts = [before]
+    else:
+        level, times = _level_and_times(problem)
+        starts = [np.array([*np.log(start), *[0.0] * prior_count]) for start in law.starts(level, times)]
+    normal = normal_by_differences(lambda x: np.concatenate(scaled_residuals(law, problem, x, sigmas)), high)
+    minima = [least_squares(normal, start, low, high, gain=_GAIN) for start in starts]
+    finite = [minimum for minimum in minima if math.isfinite(minimum.cost)]
+    return min(finite, key=lambda minimum: minimum.cost).x if finite else None
 
 
 def _level_and_times(problem: FitProblem) -> tuple[float, Floats]:
     """Return the usual Young's modulus [Pa], and the times [s] of all readings."""
     levels, times = [], []
     for table in problem.tables:
-        per = 2.0 * (1.0 + problem.poisson) if table.shear else 1.0
+        factor = shear_factor(table, problem.poisson)
         values = np.hypot(*table.y.T) if table.kind == "oscillation" else table.y[:, 0]
-        levels.append(np.median(per / values if table.kind == "creep" else per * values))
+        levels.append(np.median(factor / values if table.kind == "creep" else factor * values))
         times.append(1.0 / (2 * np.pi * table.x) if table.kind == "oscillation" else table.x)
     return float(np.exp(np.mean(np.log(levels)))), np.concatenate(times)
 
 
-def _errors(law: LinearLaw, problem: FitProblem, x: Floats) -> list[Floats]:
-    """Relative errors (n,) of each table: logarithms of what is predicted over what was read."""
-    values = np.exp(x[: len(law.parameters)])
-    priors = x[len(law.parameters) :]
-    tables = len(problem.tables)
-    found = []
-    for k, table in enumerate(problem.tables):
-        there, up = table, np.zeros(len(table.x))
-        if k == 0 and problem.shift_root is not None:
-            along, up = problem.shift_root @ priors[tables + 1 :]
-            there = replace(table, x=table.x * np.exp(along))
-        with np.errstate(over="ignore", invalid="ignore"):
-            ratio = predictions(law, there, values.tolist(), problem.poisson) / table.y
-        sign = -1.0 if table.kind == "creep" else 1.0
-        shift = priors[k] * problem.scales[k] + (priors[tables] * _poisson_share(problem) if table.shear else 0.0)
-        errors = np.log(np.maximum(np.nan_to_num(ratio), _LEAST)) + sign * shift - up[:, None]
-        found.append(errors.ravel(order="F"))
-    return found
-
-
-def _poisson_share(problem: FitProblem) -> float:
-    return problem.poisson_std / (1.0 + problem.poisson)
-
-
-def _weighted(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:
-    """Residuals of each table, then of what is known before."""
-    parts = []
-    for table, sigma, error in zip(problem.tables, sigmas, _errors(law, problem, x), strict=True):
-        parts.append(error / (sigma if table.std is None else (table.std / table.y).ravel(order="F")))
-    return [*parts, x[len(law.parameters) :]]
-
-
-def _minimum(law: LinearLaw, problem: FitProblem, sigmas: Sequence[float], before: Floats | None) -> Floats | None:
-    count, shifts = len(law.parameters), len(problem.tables) + 1 + problem.shift_count
-    high = np.array([math.log(u) if u < math.inf else _LOG for u in law.uppers] + [10.0] * shifts)
-    low = np.array([-_LOG] * count + [-10.0] * shifts)
-    level, times = _level_and_times(problem)
-    starts = [np.array([*np.log(start), *[0.0] * shifts]) for start in law.starts(level, times)]
-    normal = normal_by_differences(lambda x: np.concatenate(_weighted(law, problem, x, sigmas)), high)
-    found = [
-        least_squares(normal, start, low, high, gain=1e-12) for start in ([before] if before is not None else starts)
-    ]
-    finite = [one for one in found if math.isfinite(one.cost)]
-    return min(finite, key=lambda one: one.cost).x if finite else None
-
-
-def _outcome(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit[LinearLaw]:
+def _table_fit(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> TableFit[LinearLaw]:
+    """Return the fit at unknowns of the least squares, with its budget and its evidence."""
     count = len(law.parameters)
-    parts = _weighted(law, problem, x, sigmas)
+    *residuals, prior_residuals = scaled_residuals(law, problem, x, sigmas)
     slopes = _slopes(law, problem, x, sigmas)
-    covariance, loose_numbers = _covariance(np.vstack(slopes))
-    correlation = _autocorrelation(parts[:-1])
-    inflation = (1.0 + correlation) / (1.0 - correlation)
-    shares: dict[str, Floats] = {}
-    total: Floats = np.zeros(covariance.shape)
-    names = [f"scatter of {table.name}" for table in problem.tables]
-    for name, j in zip(names, slopes, strict=False):
-        moved = j @ covariance  # first: a table without noise has slopes of 1e7, which cancel here
-        part = inflation * moved.T @ moved
-        shares[name], total = np.sqrt(np.maximum(np.diag(part)[:count], 0.0)), total + part
-    priors = [(f"scale of {t.name}", s) for t, s in zip(problem.tables, problem.scales, strict=True)]
-    for k, (name, size) in enumerate([*priors, ("poisson", problem.poisson_std)]):
-        part = np.outer(covariance[:, count + k], covariance[:, count + k])
-        total = total + part
-        if size:
-            shares[name] = np.sqrt(np.diag(part)[:count])
-    if problem.shift_count:
-        columns = covariance[:, count + len(priors) + 1 :]
-        part = columns @ columns.T
-        shares["time-temperature shift"], total = np.sqrt(np.diag(part)[:count]), total + part
+    correlation = _autocorrelation(residuals)
+    budget, covariance, is_loose = _budget(problem, slopes, count, correlation)
+
+    # A standard uncertainty of a logarithm is a relative one; NaN where the tables do not determine the value.
     values = np.exp(x[:count])
-    relative = np.sqrt(np.maximum(np.diag(total)[:count], 0.0))
-    relative[np.sum([(j**2).sum(axis=0) for j in slopes], axis=0)[:count] < _NO_SLOPE] = math.nan  # next to nothing
-    relative[loose_numbers[:count]] = math.nan
-    stated = [part for part, table in zip(parts, problem.tables, strict=False) if table.std is not None]
-    chi2 = float(sum(part @ part for part in stated))
-    freedom = sum(len(part) for part in stated) - round(count * sum(len(p) for p in stated) / problem.count)
-    errors = _errors(law, problem, x)
-    loose = [e for e, table in zip(errors, problem.tables, strict=True) if table.std is None]
-    bic = chi2 + float(parts[-1] @ parts[-1]) + count * math.log(problem.count)
-    bic += sum(len(e) * math.log(max(float(np.mean(e**2)), 1e-18)) for e in loose)
+    relative_stds = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
+    slope_squares = np.sum([(slope**2).sum(axis=0) for slope in slopes], axis=0)[:count]
+    relative_stds[slope_squares < _MIN_SLOPE_SQUARES] = math.nan
+    relative_stds[is_loose[:count]] = math.nan
+    is_determined = relative_stds < _MAX_RELATIVE_STD
+
+    chi2, freedom = _chi2(problem, residuals, count)
+    errors = log_errors(law, problem, x)
     return TableFit(
-        law, values, values * relative, total[:count, :count],
-        {name: values * share for name, share in shares.items()},
-        tuple(math.sqrt(float(np.mean(e**2))) for e in errors), chi2, freedom if stated else 0, bic, correlation,
-        tuple(name for (name, _), one in zip(law.parameters, relative, strict=True) if not one < _UNDETERMINED),
-    )  # fmt: skip
+        law,
+        values,
+        stds=values * relative_stds,
+        covariance=covariance[:count, :count],
+        budget={name: values * share for name, share in budget.items()},
+        scatter=tuple(math.sqrt(float(np.mean(error**2))) for error in errors),
+        chi2=chi2,
+        freedom=freedom,
+        bic=_bic(problem, errors, chi2 + float(prior_residuals @ prior_residuals), count),
+        autocorrelation=correlation,
+        undetermined=tuple(
+            name for (name, _), determined in zip(law.parameters, is_determined, strict=True) if not determined
+        ),
+    )
+
+
+def _budget(
+    problem: FitProblem, slopes: Sequence[Floats], count: int, correlation: float
+) -> tuple[dict[str, Floats], Floats, NDArray[np.bool_]]:
+    """Return the budget, the covariance (p, p) and a mask (p,) of unknowns that the tables do not determine.
+
+    The budget has the share of each source in the standard uncertainty (count,) of the first unknowns: the scatter of
+    every table, J C inflated by its autocorrelation, and every prior, one column of the covariance C each.
+    """
+    inverse, is_loose = _covariance(np.vstack(slopes))
+    inflation = (1.0 + correlation) / (1.0 - correlation)
+    budget: dict[str, Floats] = {}
+    total: Floats = np.zeros(inverse.shape)
+    for table, slope in zip(problem.tables, slopes, strict=False):
+        moved = slope @ inverse  # first: a table without noise has slopes of 1e7, which cancel here
+        part = inflation * moved.T @ moved
+        budget[f"scatter of {table.name}"] = np.sqrt(np.maximum(np.diag(part)[:count], 0.0))
+        total = total + part
+
+    # Scale of each table, then Poisson's ratio; those that are exact have no row.
+    scales = [(f"scale of {table.name}", scale) for table, scale in zip(problem.tables, problem.scales, strict=True)]
+    for k, (name, std) in enumerate([*scales, ("poisson", problem.poisson_std)]):
+        part = np.outer(inverse[:, count + k], inverse[:, count + k])
+        total = total + part
+        if std:
+            budget[name] = np.sqrt(np.diag(part)[:count])
+    if problem.shift_count:
+        columns = inverse[:, count + len(scales) + 1 :]
+        part = columns @ columns.T
+        budget["time-temperature shift"] = np.sqrt(np.diag(part)[:count])
+        total = total + part
+    return budget, total, is_loose
+
+
+def _chi2(problem: FitProblem, residuals: Sequence[Floats], count: int) -> tuple[float, int]:
+    """Return chi^2 and the degrees of freedom of the tables that state uncertainties; 0 degrees without such tables.
+
+    These tables bear the unknowns in proportion to their readings.
+    """
+    stated = [residual for residual, table in zip(residuals, problem.tables, strict=True) if table.std is not None]
+    chi2 = float(sum(residual @ residual for residual in stated))
+    stated_count = sum(len(residual) for residual in stated)
+    freedom = stated_count - round(count * stated_count / problem.count)
+    return chi2, freedom if stated else 0
+
+
+def _bic(problem: FitProblem, errors: Sequence[Floats], squares: float, count: int) -> float:
+    """Return the BIC: squares of stated tables and of the priors, n log(s^2) of every other table, k log(N)."""
+    bic = squares + count * math.log(problem.count)
+    unstated_errors = [error for error, table in zip(errors, problem.tables, strict=True) if table.std is None]
+    bic += sum(len(error) * math.log(max(float(np.mean(error**2)), _MIN_SQUARE)) for error in unstated_errors)
+    return bic
 
 
 def _covariance(slopes: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Covariance (k, k) of the unknowns whose residuals have these slopes (n, k), and which of them are loose (k,).
+    """Return the covariance (p, p) of unknowns whose residuals have these slopes (n, p), and a mask of loose ones (p,).
 
-    Those have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. What is known
-    before holds a direction by 1, however little the tables scatter: it is not loose. The slopes are not squared,
+    Loose unknowns have a share in a direction along which the tables do not change, as E_1 and tau of a fast arm. A
+    prior holds a direction by 1, however little the tables scatter: it is not loose. The slopes are not squared,
     which would lose that next to a table without noise.
     """
     _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
-    power = sizes**2
-    kept = power > min(_NOTHING * power[0], _HELD)
-    loose = (directions[power < min(_RANK * power[0], _HELD)] ** 2).sum(axis=0) > _SHARE
-    return (directions[kept].T / power[kept]) @ directions[kept], np.asarray(loose)
+    information = sizes**2
+    is_kept = information > min(_MIN_EIGENVALUE * information[0], _PRIOR_INFORMATION)
+    is_weak = information < min(_MIN_INFORMATION * information[0], _PRIOR_INFORMATION)
+    is_loose = (directions[is_weak] ** 2).sum(axis=0) > _MIN_SHARE
+    inverse = (directions[is_kept].T / information[is_kept]) @ directions[is_kept]
+    return inverse, np.asarray(is_loose)
 
 
 def _slopes(law: LinearLaw, problem: FitProblem, x: Floats, sigmas: Sequence[float]) -> list[Floats]:
-    """Derivatives (n, unknowns) of the residuals of each table, by central differences."""
+    """Return the derivatives (n, p) of the residuals of each table, last of the priors, by central differences."""
     columns = []
-    for step in np.diag(np.full(len(x), 1e-5)):
-        above, below = (_weighted(law, problem, x + sign * step, sigmas) for sign in (1.0, -1.0))
-        columns.append([(a - b) / 2e-5 for a, b in zip(above, below, strict=True)])
+    for step in np.diag(np.full(len(x), _SLOPE_STEP)):
+        above, below = (scaled_residuals(law, problem, x + sign * step, sigmas) for sign in (1.0, -1.0))
+        columns.append([(a - b) / (2.0 * _SLOPE_STEP) for a, b in zip(above, below, strict=True)])
     return [np.column_stack(parts) for parts in zip(*columns, strict=True)]
 
 
-def _autocorrelation(parts: Sequence[Floats]) -> float:
-    """Of neighbouring residuals of all tables, 0 at least: what a law does not explain is not independent."""
-    power = float(sum(part @ part for part in parts))
-    product = float(sum(part[1:] @ part[:-1] for part in parts))
-    return min(max(product / power, 0.0), _WORST) if power > 0 else 0.0
+def _autocorrelation(residuals: Sequence[Floats]) -> float:
+    """Return the autocorrelation of neighbouring residuals of all tables, 0 at least.
+
+    Residuals that a law does not explain are not independent.
+    """
+    power = float(sum(residual @ residual for residual in residuals))
+    product = float(sum(residual[1:] @ residual[:-1] for residual in residuals))
+    return min(max(product / power, 0.0), MAX_CORRELATION) if power > 0 else 0.0

@@ -31,15 +31,15 @@ ModulusOption = Annotated[
 def table_settings(
     units: Sequence[str] | None, modulus: Modulus | None, columns: Sequence[str] | None = None
 ) -> TableSettings:
-    """What the options state; raises ConfigurationError."""
-    stated = dict(_pair(text, "--unit", "COLUMN=UNIT", "Freq=rad/s", last=True) for text in units or ())
-    named = dict(_pair(text, "--column", "ROLE=COLUMN", "storage=My modulus") for text in columns or ())
-    return TableSettings(stated, None if modulus is None else modulus == "shear", named)
+    """Return the statements of the options; raises ConfigurationError."""
+    unit_of_column = dict(_pair(text, "--unit", "COLUMN=UNIT", "Freq=rad/s", at_last=True) for text in units or ())
+    column_of_role = dict(_pair(text, "--column", "ROLE=COLUMN", "storage=My modulus") for text in columns or ())
+    return TableSettings(unit_of_column, None if modulus is None else modulus == "shear", column_of_role)
 
 
-def _pair(text: str, option: str, form: str, example: str, last: bool = False) -> tuple[str, str]:
-    """What stands before and behind the first sign of equality, or the last one; raises ConfigurationError."""
-    one, equals, other = text.rpartition("=") if last else text.partition("=")
-    if not (equals and one and other):
+def _pair(text: str, option: str, form: str, example: str, at_last: bool = False) -> tuple[str, str]:
+    """Return the texts before and behind the first sign of equality, or the last one; raises ConfigurationError."""
+    key, equals, value = text.rpartition("=") if at_last else text.partition("=")
+    if not (equals and key and value):
         raise ConfigurationError(f'{option} {text!r}: write {form}, such as {option} "{example}"')
-    return one.strip(), other.strip()
+    return key.strip(), value.strip()

@@ -61,8 +61,9 @@ def agree(
     if len(runs) == 1 and runs[0].is_file():
         pairs = _table_pairs(runs[0], quantity, track, reference)
     else:
-        known = _reference(reference, uncertainty, quantity, stated, table_settings(units, modulus, columns))
-        pairs = run_pairs(runs, quantity, track, known)
+        settings = table_settings(units, modulus, columns)
+        reference_of = _reference(reference, uncertainty, quantity, stated, settings)
+        pairs = run_pairs(runs, quantity, track, reference_of)
     agreement = agreement_of(pairs, quantity)
     folder = make_folder("agreement", out, datetime.now(UTC).astimezone())
     _write(agreement, folder)
@@ -75,13 +76,14 @@ def agree(
 
 
 def _table_pairs(path: Path, quantity: Quantity, track: str | None, reference: str | None) -> Sequence[ValuePair]:
-    """The rows of a table, which has its own references; raises UserError."""
+    """Return the pairs of a table, which has its own references; raises UserError."""
     if reference is not None:
         raise ConfigurationError(f"{path}: the table has its own references: leave --reference out")
     return table_pairs(path, quantity, QUANTITIES[quantity], track)
 
 
 def _stated(text: str | None, unit: str) -> float | None:
+    """Return a stated quantity [SI]; None for none."""
     try:
         return None if text is None else to_si(text, unit)
     except ValueError as error:
@@ -89,6 +91,7 @@ def _stated(text: str | None, unit: str) -> float | None:
 
 
 def _percent(text: str | None) -> float | None:
+    """Return a share that is written in per cent; None for none."""
     if text is None:
         return None
     try:
@@ -102,7 +105,7 @@ def _percent(text: str | None) -> float | None:
 def _reference(
     text: str | None, uncertainty: str | None, quantity: Quantity, stated: Conditions, settings: TableSettings
 ) -> ReferenceOf:
-    """A value where the text begins as a number, and is not a file; else a file."""
+    """Return a stated value where the text begins as a number, and is not a file; else the table in a file."""
     if text is None:
         raise ConfigurationError('--reference is missing: "112.5 kPa" with --uncertainty, or a table of an instrument')
     path = Path(text)
@@ -112,11 +115,12 @@ def _reference(
 
 
 def _write(agreement: Agreement, folder: Path) -> None:
+    """Write the document and the picture to a folder, and to each run its own pair."""
     from palpate_reference.agreement.agreement_figure import draw_agreement
 
     write_new(folder / AGREEMENT, json_text(document(agreement)))
     draw_agreement(agreement.pairs, agreement.limits, agreement.line, agreement.quantity, folder / "agreement.png")
     for pair in agreement.pairs:
         if pair.run is not None:
-            own = {"quantity": agreement.quantity, "unit": agreement.unit, **pair_document(pair)}
-            write_whole(pair.run / AGREEMENT, json_text(own))
+            run_document = {"quantity": agreement.quantity, "unit": agreement.unit, **pair_document(pair)}
+            write_whole(pair.run / AGREEMENT, json_text(run_document))

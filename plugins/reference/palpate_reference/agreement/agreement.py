@@ -1,4 +1,4 @@
-"""What pairs of palpation and reference say together: limits of agreement, Deming's line, precision, correlations."""
+"""Statistics of pairs of palpation and reference: limits of agreement, Deming's line, precision, correlations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from palpate_reference.agreement.value_pairs import FACTORS, ValuePair
 
 @dataclass(frozen=True)
 class Agreement:
-    """Pairs, and what they say together [SI]."""
+    """Pairs, and their statistics [SI]."""
 
     quantity: str
     unit: str
@@ -32,38 +32,51 @@ class Agreement:
     line: DemingLine | None
     correlation: float  # ICC(2,1) of palpation and reference over specimens; NaN for one
     repeats: Correlation | None
-    precision: dict[str, Precision]  # by what groups differ; "" of repeats alone
+    precision: dict[str, Precision]  # by the factor in which groups differ; "" of repeats alone
 
 
 def agreement_of(pairs: Sequence[ValuePair], quantity: str) -> Agreement:
-    """Everything that pairs say together."""
+    """Return the statistics of pairs of one quantity; raises ConfigurationError without pairs."""
     if not pairs:
         raise ConfigurationError("no value to compare")
     specimens = [pair.specimen for pair in pairs]
     values = grouped([pair.value for pair in pairs], specimens)
     references = grouped([pair.reference for pair in pairs], specimens)
-    once = [np.unique(one) for one in references.values()]  # the reference of a specimen is one value, however often
-    means = np.array([[values[name].mean(), references[name].mean()] for name in values])
-    ratio = float(np.mean([p.std**2 for p in pairs]) / np.mean([p.reference_std**2 for p in pairs]))
+    # The reference of a specimen is one value, however often it is repeated.
+    single_references = [np.unique(specimen_references) for specimen_references in references.values()]
+    means = np.array([[values[specimen].mean(), references[specimen].mean()] for specimen in values])
+    value_variance = np.mean([pair.std**2 for pair in pairs])
+    reference_variance = np.mean([pair.reference_std**2 for pair in pairs])
     return Agreement(
-        quantity, QUANTITIES[quantity], tuple(pairs),
-        limits_of_agreement(list(values.values()), once), deming_line(means[:, 0], means[:, 1], ratio),
-        method_correlation(means), repeat_correlation(list(values.values())), dict(_precisions(pairs)),
-    )  # fmt: skip
+        quantity,
+        QUANTITIES[quantity],
+        tuple(pairs),
+        limits=limits_of_agreement(list(values.values()), single_references),
+        line=deming_line(means[:, 0], means[:, 1], float(value_variance / reference_variance)),
+        correlation=method_correlation(means),
+        repeats=repeat_correlation(list(values.values())),
+        precision=dict(_precisions(pairs)),
+    )
 
 
 def _precisions(pairs: Sequence[ValuePair]) -> Iterator[tuple[str, Precision]]:
-    """Of values that share every factor, and by each factor of which a specimen has several."""
-    alike = grouped(
-        [pair.value for pair in pairs], [f"{pair.specimen}|{sorted(pair.factors.items())}" for pair in pairs]
-    )
-    if repeats := precision([[values] for values in alike.values() if len(values) > 1]):
-        yield "", repeats
+    """Yield the precision of values that share every factor, then by each factor of which a specimen has several."""
+    conditions = [f"{pair.specimen}|{sorted(pair.factors.items())}" for pair in pairs]
+    repeats = grouped([pair.value for pair in pairs], conditions)
+    repeatability = precision([[values] for values in repeats.values() if len(values) > 1])
+    if repeatability:
+        yield "", repeatability
+    specimens = dict.fromkeys(pair.specimen for pair in pairs)
     for factor in FACTORS:
-        levels: list[list[Floats]] = []
-        for specimen in dict.fromkeys(pair.specimen for pair in pairs):
-            own = [pair for pair in pairs if pair.specimen == specimen]
-            labels = [pair.factors.get(factor, "") for pair in own]
-            levels.append(list(grouped([pair.value for pair in own], labels).values()))
-        if any(len(groups) > 1 for groups in levels) and (spread := precision(levels)) is not None:
-            yield factor, spread
+        specimen_groups = [_groups_by(pairs, specimen, factor) for specimen in specimens]
+        if any(len(groups) > 1 for groups in specimen_groups):
+            reproducibility = precision(specimen_groups)
+            if reproducibility is not None:
+                yield factor, reproducibility
+
+
+def _groups_by(pairs: Sequence[ValuePair], specimen: str, factor: str) -> list[Floats]:
+    """Return the values (m,) of a specimen for each level of a factor."""
+    specimen_pairs = [pair for pair in pairs if pair.specimen == specimen]
+    levels = [pair.factors.get(factor, "") for pair in specimen_pairs]
+    return list(grouped([pair.value for pair in specimen_pairs], levels).values())

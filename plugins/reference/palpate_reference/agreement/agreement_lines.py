@@ -1,4 +1,4 @@
-"""The lines of a run's report that say how it agrees with a reference."""
+"""The lines of a run's report on its agreement with a reference."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from palpate_reference.agreement.agree_command import AGREEMENT
 
 
 def agreement_lines(result: Result) -> list[str]:
-    """Return a line for a run compared by `palpate material agree`: ``agreement: elasticity ..., reference ..., E_n
-    0.40``."""
+    """Return a line for a run that `palpate material agree` has compared, and one for each remark.
+
+    The line is as ``agreement: elasticity ..., reference ..., E_n 0.40``; E_n up to 1 agrees (ISO 13528).
+    """
     path = result.folder / AGREEMENT
     if not path.is_file():
         return []
-    found: dict[str, Any] = json_document(bounded_text(path))
-    word, factor = display_unit(found["unit"])
-    own, other = (
-        value_with_uncertainty(factor * found[name], factor * found[std])
-        for name, std in (("value", "std"), ("reference", "reference_std"))
+    pair: dict[str, Any] = json_document(bounded_text(path))
+    unit, factor = display_unit(pair["unit"])
+    value = value_with_uncertainty(factor * pair["value"], factor * pair["std"])
+    reference = value_with_uncertainty(factor * pair["reference"], factor * pair["reference_std"])
+    verdict = "agrees" if abs(pair["e_n"]) <= 1 else "does not agree"
+    line = (
+        f"agreement: {pair['quantity']} {value} {unit}, reference {reference} {unit}: E_n {pair['e_n']:.2f}, {verdict}"
     )
-    agrees = "agrees" if abs(found["e_n"]) <= 1 else "does not agree"
-    line = f"agreement: {found['quantity']} {own} {word}, reference {other} {word}: E_n {found['e_n']:.2f}, {agrees}"
-    return [line, *(f"not the same: {remark}" for remark in found["remarks"])]
+    return [line, *(f"not the same: {remark}" for remark in pair["remarks"])]

@@ -13,7 +13,7 @@ from palpate_reference.instrument_text import InstrumentText, TextLine, read_tex
 from palpate_reference.run_values import Conditions, run_values
 from palpate_reference.table_columns import name_and_unit
 
-_NUMBERS = ("value", "std", "reference", "reference_std")
+_NUMBER_COLUMNS = ("value", "std", "reference", "reference_std")
 FACTORS = ("operator", "day", "rig", "laboratory", "tip")
 
 
@@ -28,7 +28,7 @@ class ValuePair:
     reference: float
     reference_std: float
     factors: Mapping[str, str] = field(default_factory=dict)  # by which values of a specimen differ: operator, day, ...
-    remarks: tuple[str, ...] = ()  # why the two are perhaps not comparable
+    remarks: tuple[str, ...] = ()  # reasons why the two may not be comparable
     run: Path | None = None
 
     @property
@@ -38,13 +38,13 @@ class ValuePair:
 
     @property
     def difference_std(self) -> float:
-        """Its standard uncertainty."""
+        """Standard uncertainty of the difference."""
         return math.hypot(self.std, self.reference_std)
 
 
 @dataclass(frozen=True)
 class ReferenceValue:
-    """What a reference says at the conditions of a run [SI]."""
+    """The value of a reference at the conditions of a run [SI]."""
 
     name: str
     value: float
@@ -61,76 +61,98 @@ def table_pairs(path: Path, quantity: str, unit: str, track: str | None) -> list
     A column `run` stands for value and std: a run folder, relative to the file. Raises UserError with line and column.
     """
     text = read_text(path)
-    rows = [line for line in text.lines if any(line.cells) and not line.cell(0).startswith("#")]
-    if len(rows) < 2:
+    lines = [line for line in text.lines if any(line.cells) and not line.cell(0).startswith("#")]
+    if len(lines) < 2:
         raise LogError(f"{path}: has no rows below its names")
-    names, units = _heads(path, rows[0], unit)
-    wanted = {"specimen", *_NUMBERS} - ({"value", "std"} if "run" in names else set())
-    if missing := sorted(wanted - set(names)):
-        known = f"{suggest(missing[0], names)}; required: specimen, run or value and std, reference, reference_std"
-        raise LogError(f"{path}:{rows[0].number}: the column {missing[0]!r} is missing{known}")
-    return [_pair(text, line, dict(zip(names, line.cells, strict=False)), units, quantity, track) for line in rows[1:]]
+    heading, *rows = lines
+    names, factors = _names_and_factors(path, heading, unit)
+    required = {"specimen", *_NUMBER_COLUMNS} - ({"value", "std"} if "run" in names else set())
+    missing = sorted(required - set(names))
+    if missing:
+        hint = f"{suggest(missing[0], names)}; required: specimen, run or value and std, reference, reference_std"
+        raise LogError(f"{path}:{heading.number}: the column {missing[0]!r} is missing{hint}")
+    return [_pair(text, row, dict(zip(names, row.cells, strict=False)), factors, quantity, track) for row in rows]
 
 
-def _heads(path: Path, head: TextLine, unit: str) -> tuple[list[str], dict[str, float]]:
-    """Names without units, and what one of each is in SI; raises LogError for a number without one."""
+def _names_and_factors(path: Path, heading: TextLine, unit: str) -> tuple[list[str], dict[str, float]]:
+    """Return the names of all columns without units, and the factor to SI of each column of numbers.
+
+    Raises LogError for a column of numbers without a unit of the kind of `unit`.
+    """
     names, factors = [], {}
-    for column, cell in enumerate(head.cells, 1):
-        plain, written = name_and_unit(cell)
-        name = plain.strip().lower().replace(" ", "_")
+    for column, cell in enumerate(heading.cells, 1):
+        plain_name, stated_unit = name_and_unit(cell)
+        name = plain_name.strip().lower().replace(" ", "_")
         names.append(name)
-        if name in _NUMBERS:
-            at = f"{path}:{head.number}, column {column} {cell!r}"
-            if not written:
-                raise LogError(f'{at}: has no unit; write for example "{name} [kPa]"')
-            try:
-                factors[name] = to_si(f"1 {written}", unit)
-            except ValueError as error:
-                raise LogError(f"{at}: {error}") from error
+        if name not in _NUMBER_COLUMNS:
+            continue
+        cell_place = f"{path}:{heading.number}, column {column} {cell!r}"
+        if not stated_unit:
+            raise LogError(f'{cell_place}: has no unit; write for example "{name} [kPa]"')
+        try:
+            factors[name] = to_si(f"1 {stated_unit}", unit)
+        except ValueError as error:
+            raise LogError(f"{cell_place}: {error}") from error
     return names, factors
 
 
 def _pair(
     text: InstrumentText,
     line: TextLine,
-    row: Mapping[str, str],
-    units: Mapping[str, float],
+    cells: Mapping[str, str],
+    factors: Mapping[str, float],
     quantity: str,
     track: str | None,
 ) -> ValuePair:
-    numbers = {}
-    for name in units:
-        cell = row.get(name, "")
-        at = f"{text.path}:{line.number}, column {name!r}: {cell!r}"
-        try:
-            numbers[name] = text.number(cell) * units[name]
-        except ValueError as error:
-            raise LogError(f"{at} is not a number") from error
-        if not math.isfinite(numbers[name]) or (name.endswith("std") and numbers[name] <= 0):
-            raise LogError(f"{at} is not a number above zero, as an uncertainty is")
+    """Return the pair of a row, by its cells and the factors to SI of its numbers, both by column; raises UserError."""
+    numbers = {name: _number(text, line, name, cells.get(name, "")) * factor for name, factor in factors.items()}
     run, label = None, f"row {line.number}"
-    if "run" in row:
-        run = text.path.parent / row["run"].strip()
-        (found,) = run_values(run, (quantity,), track)
-        numbers |= {"value": found.value, "std": found.std}
-        label = row["run"].strip()
-    factors = {name: row[name].strip() for name in FACTORS if row.get(name, "").strip()}
+    if "run" in cells:
+        label = cells["run"].strip()
+        run = text.path.parent / label
+        (run_value,) = run_values(run, (quantity,), track)
+        numbers |= {"value": run_value.value, "std": run_value.std}
     return ValuePair(
-        label, row["specimen"].strip(), numbers["value"], numbers["std"], numbers["reference"],
-        numbers["reference_std"], factors, run=run,
-    )  # fmt: skip
+        label,
+        cells["specimen"].strip(),
+        value=numbers["value"],
+        std=numbers["std"],
+        reference=numbers["reference"],
+        reference_std=numbers["reference_std"],
+        factors={name: cells[name].strip() for name in FACTORS if cells.get(name, "").strip()},
+        run=run,
+    )
 
 
-def run_pairs(runs: Sequence[Path], quantity: str, track: str | None, reference: ReferenceOf) -> list[ValuePair]:
-    """Runs on one specimen, each against the reference at its own conditions; their days are a factor."""
-    found = []
+def _number(text: InstrumentText, line: TextLine, name: str, cell: str) -> float:
+    """Return the number in a cell; raises LogError for any other, and for an uncertainty that is not above zero."""
+    cell_place = f"{text.path}:{line.number}, column {name!r}: {cell!r}"
+    try:
+        number = text.number(cell)
+    except ValueError as error:
+        raise LogError(f"{cell_place} is not a number") from error
+    if not math.isfinite(number) or (name.endswith("std") and number <= 0):
+        raise LogError(f"{cell_place} is not a number above zero, as an uncertainty is")
+    return number
+
+
+def run_pairs(runs: Sequence[Path], quantity: str, track: str | None, reference_of: ReferenceOf) -> list[ValuePair]:
+    """Return runs on one specimen, each against the reference at its own conditions; their days are a factor."""
+    pairs = []
     for path in runs:
-        (value,) = run_values(path, (quantity,), track)
-        known = reference(value.conditions, value.poisson)
-        found.append(
+        (run_value,) = run_values(path, (quantity,), track)
+        reference = reference_of(run_value.conditions, run_value.poisson)
+        pairs.append(
             ValuePair(
-                path.name, known.name, value.value, value.std, known.value, known.std,
-                {"day": f"{value.started:%Y-%m-%d}"}, known.remarks, path,
+                path.name,
+                reference.name,
+                value=run_value.value,
+                std=run_value.std,
+                reference=reference.value,
+                reference_std=reference.std,
+                factors={"day": f"{run_value.started:%Y-%m-%d}"},
+                remarks=reference.remarks,
+                run=path,
             )
-        )  # fmt: skip
-    return found
+        )
+    return pairs

@@ -16,9 +16,9 @@ from palpate_reference.cards.hyperelastic_cards import HYPERELASTIC_CARDS, Hyper
 from palpate_reference.cards.prony_series import MATERIAL, SERIES, PronySeries, law_remarks, series_of_law
 from palpate_reference.hyperelastic.strain_energies import energy_of
 
-_SAME = 1e-9  # relative error of what is read back
-_OF_TIME = ("*VISCOELASTIC", "TB,PRONY", "<g0>", "G_inf ")  # by which a card has a Prony series
-_SIGNS = {"abaqus": "*HYPERELASTIC", "ansys": "TB,HYPER", "febio": "<material ", "comsol": '[Pa] "'}
+_TOLERANCE = 1e-9  # relative, of a number that is read back: cards have twelve digits
+_SERIES_MARKS = ("*VISCOELASTIC", "TB,PRONY", "<g0>", "G_inf ")  # of a card that has a Prony series
+_PROGRAM_MARKS = {"abaqus": "*HYPERELASTIC", "ansys": "TB,HYPER", "febio": "<material ", "comsol": '[Pa] "'}
 
 
 def card(
@@ -47,49 +47,64 @@ def card(
 
 
 def read_material(path: Path, law: str | None) -> PronySeries | HyperelasticSolid:
-    """The series or the solid of a fit, by its folder or file, or of a card; raises UserError."""
-    path = path / MATERIAL if path.is_dir() else path
+    """Return the series or the solid of a fit, by its folder or file, or of a card; raises UserError."""
+    file = path / MATERIAL if path.is_dir() else path
     try:
-        text = bounded_text(path)
+        text = bounded_text(file)
     except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    for name in FORMATS:
-        if _SIGNS[name] in text.upper() or _SIGNS[name] in text:
+        raise LogError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    for program in FORMATS:
+        if _has_mark(text, _PROGRAM_MARKS[program]):
             try:
-                if any(sign in text.upper() or sign in text for sign in _OF_TIME):
-                    return FORMATS[name].series(text)
-                return HYPERELASTIC_CARDS[name].solid(text)
+                return _material_of_card(text, program)
             except (ValueError, KeyError, IndexError, StopIteration) as error:
-                raise LogError(f"{path}: is not a whole card of {name}: {error!r}") from error
-    return _material_of_fit(path, text, law)
+                raise LogError(f"{file}: is not a whole card of {program}: {error!r}") from error
+    return _material_of_fit(file, text, law)
+
+
+def _has_mark(text: str, mark: str) -> bool:
+    """Return True if a card has a keyword, in capitals or as the mark is written."""
+    return mark in text.upper() or mark in text
+
+
+def _material_of_card(text: str, program: Program) -> PronySeries | HyperelasticSolid:
+    """Return the series or the solid of a program's card."""
+    if any(_has_mark(text, mark) for mark in _SERIES_MARKS):
+        return FORMATS[program].series(text)
+    return HYPERELASTIC_CARDS[program].solid(text)
 
 
 def _material_of_fit(path: Path, text: str, law: str | None) -> PronySeries | HyperelasticSolid:
-    """Of a law of ``material.json``: the stated, or the best that a card can hold; raises UserError."""
+    """Return the stated law of ``material.json``, or the best that a card can hold; raises UserError."""
     try:
         document = json_document(text)
-        laws: dict[str, dict[str, Any]] = {one["law"]: one for one in document["laws"]}
+        laws: dict[str, dict[str, Any]] = {table["law"]: table for table in document["laws"]}
         poisson = float(document["poisson"])
     except (ValueError, KeyError, TypeError) as error:
         raise LogError(f"{path}: is not a material.json of `palpate material fit`: {error}") from error
     if law is not None and law not in laws:
         raise ConfigurationError(f"--law: {path} has no law {law!r}{suggest(law, laws)}")
-    having = [name for name in laws if name in SERIES or energy_of(name)] if law is None else [law]
-    table = laws[having[0] if having else next(iter(laws))]
+    name = law
+    if name is None:
+        # The laws are sorted, the best first.
+        name = next((candidate for candidate in laws if candidate in SERIES or energy_of(candidate)), next(iter(laws)))
+    table = laws[name]
     if energy_of(table["law"]) is None:
         return series_of_law(table, poisson)
-    values = tuple(float(one["value"]) for one in table["parameters"].values())
+    values = tuple(float(parameter["value"]) for parameter in table["parameters"].values())
     return HyperelasticSolid(table["law"], values, tuple(law_remarks(table, "incompressible")))
 
 
 def _numbers(series: PronySeries) -> list[float]:
-    return [series.lasting, *(one for arm in series.arms for one in arm)]
+    """Return all numbers of a series: G_inf, then G_k and tau_k of each arm."""
+    return [series.lasting, *(number for arm in series.arms for number in arm)]
 
 
 def demand_same(written: Sequence[float], read: Sequence[float], program: str) -> None:
-    """Raise RuntimeError, a fault of ours, where a card does not say what it should."""
+    """Raise RuntimeError, a fault of ours, where a card that is read back has other numbers than those written."""
     largest = max(map(abs, written))
     if len(written) != len(read) or any(
-        abs(one - other) > _SAME * max(largest, abs(one)) for one, other in zip(written, read, strict=True)
+        abs(number - number_read) > _TOLERANCE * max(largest, abs(number))
+        for number, number_read in zip(written, read, strict=True)
     ):
         raise RuntimeError(f"the card of {program} reads back as {read}, not {written}")

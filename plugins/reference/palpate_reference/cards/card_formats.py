@@ -13,74 +13,96 @@ from dataclasses import dataclass
 from palpate_reference.cards.card_text import STIFFEST, Program, card_number
 from palpate_reference.cards.prony_series import PronySeries
 
-_PAIRS = 3  # of a line of TBDATA
+_MAX_PAIRS = 3  # of a line of TBDATA, which has six constants
 
 
 @dataclass(frozen=True)
 class CardFormat:
-    """How a program's card is written and read."""
+    """Writer and reader of a program's card."""
 
     text: Callable[[PronySeries], str]
     series: Callable[[str], PronySeries]  # raises ValueError, KeyError or IndexError for another text
 
 
 def _abaqus(series: PronySeries) -> str:
+    """Return *HYPERELASTIC with C10 = G_0/2 and D1 = 2/K_0, and *VISCOELASTIC with rows g_k, k_k, tau_k."""
     bulk = series.bulk
-    lines = [f"** {line}" for line in series.remarks]
-    lines += ["** units: Pa, s", "*MATERIAL, NAME=PALPATE", "*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS"]
-    lines += [f"{card_number(series.instant / 2.0)}, {card_number(2.0 / bulk) if bulk else '0.'}"]
-    lines += ["*VISCOELASTIC, TIME=PRONY"]
-    lines += [f"{card_number(g)}, {card_number(g) if bulk else '0.'}, {card_number(tau)}" for g, tau in series.shares]
+    compliance = card_number(2.0 / bulk) if bulk else "0."
+    lines = [f"** {remark}" for remark in series.remarks]
+    lines += [
+        "** units: Pa, s",
+        "*MATERIAL, NAME=PALPATE",
+        "*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS",
+        f"{card_number(series.instant / 2.0)}, {compliance}",
+        "*VISCOELASTIC, TIME=PRONY",
+    ]
+    for share, time in series.shares:
+        bulk_share = card_number(share) if bulk else "0."
+        lines.append(f"{card_number(share)}, {bulk_share}, {card_number(time)}")
     return "\n".join(lines) + "\n"
 
 
 def _from_abaqus(text: str) -> PronySeries:
+    """Return the series of a card as `_abaqus` writes it."""
     lines = [line for line in text.splitlines() if not line.startswith("**")]
-    at = {line.split(",")[0].strip().upper(): k for k, line in enumerate(lines) if line.startswith("*")}
-    half, compliance = (float(cell) for cell in lines[at["*HYPERELASTIC"] + 1].split(","))
-    rows = [[float(cell) for cell in line.split(",")] for line in lines[at["*VISCOELASTIC"] + 1 :] if line.strip()]
-    return _of_instant(2.0 * half, compliance, [(row[0], row[2]) for row in rows])
+    index_of = {line.split(",")[0].strip().upper(): k for k, line in enumerate(lines) if line.startswith("*")}
+    c10, compliance = (float(cell) for cell in lines[index_of["*HYPERELASTIC"] + 1].split(","))
+    shares = []
+    for line in lines[index_of["*VISCOELASTIC"] + 1 :]:
+        if line.strip():
+            cells = [float(cell) for cell in line.split(",")]
+            shares.append((cells[0], cells[2]))
+    return _instantaneous_series(2.0 * c10, compliance, shares)
 
 
 def _ansys(series: PronySeries) -> str:
+    """Return TB,HYPER with G_0 and 2/K_0, and TB,PRONY with pairs g_k, tau_k, of the bulk as well if it is finite."""
     bulk = series.bulk
-    lines = [f"! {line}" for line in series.remarks]
+    lines = [f"! {remark}" for remark in series.remarks]
     lines += ["! units: Pa, s", "TB,HYPER,1,1,2,NEO"]
     lines += [f"TBDATA,1,{card_number(series.instant)},{card_number(2.0 / bulk) if bulk else '0'}"]
-    for kind in ("SHEAR", "BULK") if bulk else ("SHEAR",):
-        lines.append(f"TB,PRONY,1,1,{len(series.arms)},{kind}")
-        for first in range(0, len(series.shares), _PAIRS):
-            cells = [card_number(one) for pair in series.shares[first : first + _PAIRS] for one in pair]
+    for modulus in ("SHEAR", "BULK") if bulk else ("SHEAR",):
+        lines.append(f"TB,PRONY,1,1,{len(series.arms)},{modulus}")
+        for first in range(0, len(series.shares), _MAX_PAIRS):
+            pairs = series.shares[first : first + _MAX_PAIRS]
+            cells = [card_number(number) for pair in pairs for number in pair]
             lines.append(f"TBDATA,{2 * first + 1},{','.join(cells)}")
     return "\n".join(lines) + "\n"
 
 
 def _from_ansys(text: str) -> PronySeries:
-    tables: dict[str, list[float]] = {}
-    name = ""
+    """Return the series of a card as `_ansys` writes it: constants of TBDATA belong to the last TB."""
+    constants: dict[str, list[float]] = {}
+    table = ""
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.partition("!")[0].split(",")]
         if cells[0].upper() == "TB":
-            name = cells[1].upper() if cells[1].upper() != "PRONY" else cells[5].upper()
-            tables[name] = []
+            table = cells[1].upper() if cells[1].upper() != "PRONY" else cells[5].upper()
+            constants[table] = []
         elif cells[0].upper() == "TBDATA":
-            tables[name] += [float(cell) for cell in cells[2:]]
-    instant, compliance = tables["HYPER"]
-    return _of_instant(instant, compliance, list(zip(tables["SHEAR"][::2], tables["SHEAR"][1::2], strict=True)))
+            constants[table] += [float(cell) for cell in cells[2:]]
+    instant, compliance = constants["HYPER"]
+    shares = list(zip(constants["SHEAR"][::2], constants["SHEAR"][1::2], strict=True))
+    return _instantaneous_series(instant, compliance, shares)
 
 
-def _of_instant(instant: float, compliance: float, shares: Sequence[tuple[float, float]]) -> PronySeries:
-    """From G_0 [Pa], 2/K_0 [1/Pa] and G_k/G_0."""
+def _instantaneous_series(instant: float, compliance: float, shares: Sequence[tuple[float, float]]) -> PronySeries:
+    """Return the series of G_0 [Pa], 2/K_0 [1/Pa], 0 if incompressible, and pairs of G_k/G_0 and tau_k [s].
+
+    nu = (3 K_0 - 2 G_0)/(2 (3 K_0 + G_0)).
+    """
     bulk = 2.0 / compliance if compliance else None
     poisson = 0.5 if bulk is None else (3.0 * bulk - 2.0 * instant) / (2.0 * (3.0 * bulk + instant))
     arms = tuple((share * instant, time) for share, time in shares)
-    return PronySeries(max(instant * (1.0 - sum(share for share, _ in shares)), 0.0), arms, poisson)
+    lasting = max(instant * (1.0 - sum(share for share, _ in shares)), 0.0)
+    return PronySeries(lasting, arms, poisson)
 
 
 def _febio(series: PronySeries) -> str:
+    """Return a viscoelastic material with g0 = G_inf/G_0, g_k = G_k/G_0, t_k, and E and v of the first instant."""
     poisson = min(series.poisson, STIFFEST)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
-    lines += [f"<!-- {line.replace('--', '-')} -->" for line in series.remarks]
+    lines += [f"<!-- {remark.replace('--', '-')} -->" for remark in series.remarks]
     lines += ["<!-- units: Pa, s; E by the shear modulus and this v, since v of 0.5 has no finite bulk modulus -->"]
     lines += ['<material id="1" name="palpate" type="viscoelastic">']
     lines += [f"  <g0>{card_number(series.lasting / series.instant)}</g0>"]
@@ -96,16 +118,18 @@ def _febio(series: PronySeries) -> str:
 
 
 def _from_febio(text: str) -> PronySeries:
-    values = {name: float(number) for name, number in re.findall(r"<(\w+)>([^<]+)</\1>", text)}
+    """Return the series of a card as `_febio` writes it."""
+    values = {tag: float(number) for tag, number in re.findall(r"<(\w+)>([^<]+)</\1>", text)}
     instant = values["E"] / (2.0 * (1.0 + values["v"]))
-    count = sum(re.fullmatch(r"t\d+", name) is not None for name in values)
+    count = sum(re.fullmatch(r"t\d+", tag) is not None for tag in values)
     arms = tuple((values[f"g{k}"] * instant, values[f"t{k}"]) for k in range(1, count + 1))
     return PronySeries(values["g0"] * instant, arms, values["v"])
 
 
 def _comsol(series: PronySeries) -> str:
-    about = "; ".join(series.remarks).replace('"', "'")
-    lines = [f'G_inf {card_number(series.lasting)}[Pa] "long-time shear modulus; {about}"']
+    """Return a table of parameters: G_inf, nu, and G_k and tau_k of each branch, as NAME VALUE "description"."""
+    remarks = "; ".join(series.remarks).replace('"', "'")
+    lines = [f'G_inf {card_number(series.lasting)}[Pa] "long-time shear modulus; {remarks}"']
     lines += [f'nu {card_number(series.poisson)} "Poisson\'s ratio"']
     for k, (strength, time) in enumerate(series.arms, 1):
         lines += [f'G_{k} {card_number(strength)}[Pa] "shear modulus of branch {k}"']
@@ -114,6 +138,7 @@ def _comsol(series: PronySeries) -> str:
 
 
 def _from_comsol(text: str) -> PronySeries:
+    """Return the series of a table as `_comsol` writes it."""
     values = {}
     for line in text.splitlines():
         name, number = line.split()[:2]

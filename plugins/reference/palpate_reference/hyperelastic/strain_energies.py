@@ -6,8 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 
+# Range of the stretches that are examined, and how many each way: choices beyond what soft solids bear.
+_MIN_STRETCH, _MAX_STRETCH = 0.2, 5.0
+_STRETCHES = 400
 Stress = Callable[[Floats, Sequence[float]], Floats]  # of stretches or shears (n,) and parameters
 
 
@@ -25,16 +29,17 @@ class HyperelasticLaw:
 
 
 def _drive(stretch: Floats) -> Floats:
+    """Return l - l^-2, the nominal stress of a neo-Hookean solid over its shear modulus."""
     return stretch - stretch**-2
 
 
 def _yeoh(i1: Floats, p: Sequence[float]) -> Floats:
-    """dW/dI_1 of I_1 - 3."""
+    """Return dW/dI_1 [Pa] of I_1 - 3."""
     return p[0] + 2.0 * p[1] * i1 + 3.0 * p[2] * i1**2
 
 
 def _ogden_shear(shear: Floats, p: Sequence[float]) -> Floats:
-    """By the principal stretches s and 1/s of a simple shear s - 1/s (Ogden 1984, 2.2)."""
+    """Return the stress by the principal stretches s and 1/s of a simple shear s - 1/s (Ogden 1984, 2.2)."""
     s = 0.5 * shear + np.sqrt(1.0 + 0.25 * shear**2)
     return 2.0 * p[0] / p[1] * (s ** p[1] - s ** -p[1]) / (s + 1.0 / s)
 
@@ -69,14 +74,22 @@ def energy_of(name: str) -> HyperelasticLaw | None:
 
 
 def stable_stretches(law: HyperelasticLaw, values: Sequence[float]) -> tuple[float, float]:
-    """Between which stretches around 1 the nominal stress of tension and compression rises; at most 0.2 to 5.
+    """Return the stretches around 1 between which the nominal stress of tension and compression rises.
 
-    What a program of finite elements needs in order to converge (Drucker's condition in one direction).
+    At most 0.2 to 5, in 400 steps each way. A program of finite elements needs it in order to converge (Drucker's
+    condition in one direction).
     """
-    stretch = np.concatenate([np.geomspace(0.2, 1.0, 400), np.geomspace(1.0, 5.0, 400)[1:]])
+    below_one = np.geomspace(_MIN_STRETCH, 1.0, _STRETCHES)
+    above_one = np.geomspace(1.0, _MAX_STRETCH, _STRETCHES)[1:]
+    stretch = np.concatenate([below_one, above_one])
     with np.errstate(over="ignore", invalid="ignore"):
-        rising = np.diff(law.uniaxial(stretch, values)) > 0.0
-    middle = 399
-    below = middle - next((k for k in range(middle) if not rising[middle - 1 - k]), middle)
-    above = middle + next((k for k in range(len(rising) - middle) if not rising[middle + k]), len(rising) - middle)
-    return float(stretch[below]), float(stretch[above])
+        rises = np.diff(law.uniaxial(stretch, values)) > 0.0  # from each stretch to the next
+    middle = _STRETCHES - 1  # index of the stretch 1
+    low_steps = _leading_count(rises[:middle][::-1])
+    high_steps = _leading_count(rises[middle:])
+    return float(stretch[middle - low_steps]), float(stretch[middle + high_steps])
+
+
+def _leading_count(flags: NDArray[np.bool_]) -> int:
+    """Return how many flags (n,) are True before the first that is not."""
+    return len(flags) if flags.all() else int(np.argmin(flags))

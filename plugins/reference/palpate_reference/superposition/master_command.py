@@ -24,8 +24,8 @@ from palpate_reference.superposition.temperature_sweeps import temperature_of, t
 from palpate_reference.table_options import ColumnOption, ModulusOption, UnitOption, table_settings
 from palpate_reference.table_reader import read_tables
 
-_REFUTED = 1e-3  # p of a law
-_APART = 2.0  # [K] by which the reference may miss the temperature of a sweep
+_REFUTED = 1e-3  # p, a choice: one true law in a thousand is refuted by chance
+_MAX_REFERENCE_DISTANCE = 2.0  # [K], a choice: of the reference from the temperature of a sweep
 ReferenceOption = Annotated[
     str | None, typer.Option("--reference-temperature", metavar="TEMPERATURE", help="Of the master curve: '25 °C'.")
 ]
@@ -75,34 +75,39 @@ def master(
 def curve_at(
     tables: Sequence[MaterialTable], reference: str | None, vertical: bool, storage: bool = False
 ) -> MasterCurve:
-    """The master curve at the temperature that is asked for, else at the middle one; raises ConfigurationError."""
-    wanted = None if reference is None else temperature_of(reference)
+    """Return the master curve at a reference temperature as a person writes it, else at the middle one.
+
+    By both moduli, or by `storage` alone. Raises ConfigurationError without a sweep at the reference.
+    """
+    requested = None if reference is None else temperature_of(reference)
     if not tables:
         raise ConfigurationError("no table holds a modulus over frequency or time")
     sweeps = temperature_sweeps(tables)
-    there = np.array([sweep.temperature for sweep in sweeps])
-    at = (len(sweeps) - 1) // 2 if wanted is None else int(np.argmin(np.abs(there - wanted)))
-    if wanted is not None and abs(there[at] - wanted) > _APART:
+    temperatures = np.array([sweep.temperature for sweep in sweeps])
+    index = (len(sweeps) - 1) // 2 if requested is None else int(np.argmin(np.abs(temperatures - requested)))
+    if requested is not None and abs(temperatures[index] - requested) > _MAX_REFERENCE_DISTANCE:
         raise ConfigurationError(
             f"--reference-temperature {reference!r}: no sweep is at it; there are sweeps at "
-            f"{', '.join(f'{one:.1f}' for one in there)} °C"
+            f"{', '.join(f'{temperature:.1f}' for temperature in temperatures)} °C"
         )
-    return master_curve(sweeps, at, vertical, storage)
+    return master_curve(sweeps, index, vertical, storage)
 
 
 def csv_of(curve: MasterCurve) -> str:
-    """The readings as at the reference temperature, with the temperature that they were measured at."""
+    """Return the readings as at the reference temperature, with the temperature that they were measured at."""
     table = curve.table()
-    per = "1/Pa" if table.kind == "creep" else "Pa"
+    unit = "1/Pa" if table.kind == "creep" else "Pa"
     axis = f"{'frequency' if table.kind == 'oscillation' else 'time'} [{frequency_or_time(table.kind)}]"
     assert table.temperature is not None
-    lines = [f"# {table.title}; a_T and their uncertainty are in shifts.json"]
-    lines += [",".join([axis, *(f"{name} [{per}]" for name in letters(table)), "measured at [°C]"])]
-    rows = np.column_stack([table.x, table.y, table.temperature])
-    return "\n".join([*lines, *(",".join(f"{value:.7g}" for value in row) for row in rows)]) + "\n"
+    comment = f"# {table.title}; a_T and their uncertainty are in shifts.json"
+    headings = [axis, *(f"{name} [{unit}]" for name in letters(table)), "measured at [°C]"]
+    numbers = np.column_stack([table.x, table.y, table.temperature])
+    rows = [",".join(f"{value:.7g}" for value in row) for row in numbers]
+    return "\n".join([comment, ",".join(headings), *rows]) + "\n"
 
 
 def _show(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> None:
+    """Print the shifts, their laws, and what is doubtful."""
     screen = console()
     screen.print(shift_table(curve).view(), highlight=False)
     if laws:
@@ -112,44 +117,54 @@ def _show(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> None:
 
 
 def shift_table(curve: MasterCurve) -> Table:
-    """One row for each temperature."""
+    """Return one row for each temperature: log10 a_T, b_T, and the residuals of the sweep."""
     rows = []
-    for k, (sweep, (a, b), (u_a, u_b)) in enumerate(zip(curve.sweeps, curve.shifts, curve.stds, strict=True)):
-        shift = "reference" if k == curve.reference else value_with_uncertainty(a / math.log(10), u_a / math.log(10))
-        up = value_with_uncertainty(math.exp(b), math.exp(b) * u_b) if curve.vertical else ""
-        count = str(sum(len(table.x) for table in sweep.tables))
-        rows.append((unsigned(f"{sweep.temperature:.1f}"), count, shift, up, f"{100 * curve.scatter[k]:.2g}",
-                     f"{100 * curve.own_scatter[k]:.2g}" if math.isfinite(curve.own_scatter[k]) else ""))  # fmt: skip
-    heads = ("T\n°C", "rows", "log10 a_T", "b_T", "residual\n%", "by itself\n%")
-    return Table.of(f"master curve at {curve.temperatures[curve.reference]:.1f} °C", heads, rows, ("T\n°C",))
+    for k, (sweep, (ln_a, ln_b), (ln_a_std, ln_b_std)) in enumerate(
+        zip(curve.sweeps, curve.shifts, curve.stds, strict=True)
+    ):
+        shift = "reference"
+        if k != curve.reference:
+            shift = value_with_uncertainty(ln_a / math.log(10), ln_a_std / math.log(10))
+        b_text = value_with_uncertainty(math.exp(ln_b), math.exp(ln_b) * ln_b_std) if curve.vertical else ""
+        own_scatter = curve.own_scatter[k]
+        rows.append(
+            (
+                unsigned(f"{sweep.temperature:.1f}"),
+                str(sum(len(table.x) for table in sweep.tables)),
+                shift,
+                b_text,
+                f"{100 * curve.scatter[k]:.2g}",
+                f"{100 * own_scatter:.2g}" if math.isfinite(own_scatter) else "",
+            )
+        )
+    headings = ("T\n°C", "rows", "log10 a_T", "b_T", "residual\n%", "by itself\n%")
+    return Table.of(f"master curve at {curve.temperatures[curve.reference]:.1f} °C", headings, rows, ("T\n°C",))
 
 
 def law_table(laws: Sequence[ShiftLaw]) -> Table:
-    """Laws of the shift, the better first."""
+    """Return the laws of the shift, the better first."""
     rows = []
     for law in laws:
-        factor = {"J/mol": (1e-3, "kJ/mol")}
-        words = []
-        for name, (value, std, unit) in law.values.items():
-            scale, word = factor.get(unit, (1.0, unit))
-            words.append(
-                f"{name} {value_with_uncertainty(scale * value, scale * std)} {'' if word == '1' else word}".strip()
-            )
-        rows.append((law.name, ", ".join(words), f"{law.deviation:.2g}", f"{law.chi2:.3g} / {law.freedom}"))
+        constants = ", ".join(_constant_text(name, *constant) for name, constant in law.values.items())
+        rows.append((law.name, constants, f"{law.deviation:.2g}", f"{law.chi2:.3g} / {law.freedom}"))
     return Table.of("laws of the shift", ("law", "values", "rms of\nlog10 a_T", "chi^2 / freedom"), rows, ("law",))
 
 
+def _constant_text(name: str, value: float, std: float, unit: str) -> str:
+    """Return a constant of a law with its uncertainty, energies in kJ/mol."""
+    factor, shown_unit = (1e-3, "kJ/mol") if unit == "J/mol" else (1.0, unit)
+    return f"{name} {value_with_uncertainty(factor * value, factor * std)} {'' if unit == '1' else shown_unit}".strip()
+
+
 def superposition_remarks(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[str]:
-    """What is to be doubted."""
+    """Return sentences on what is doubtful: sweeps that do not superpose, and shifts that no law describes."""
     doubts = []
     if curve.strange:
-        at = ", ".join(f"{curve.sweeps[k].temperature:.1f}" for k in curve.strange)
-        hint = (
-            "" if curve.vertical else "; --vertical shifts the moduli, too, --by storage leaves the loss out of account"
-        )
+        temperatures = ", ".join(f"{curve.sweeps[k].temperature:.1f}" for k in curve.strange)
+        hint = "; --vertical shifts the moduli, too, --by storage leaves the loss out of account"
         doubts.append(
-            f"sweeps at {at} °C do not superpose: they miss the common curve by more than they scatter, so that their "
-            f"shifts are doubtful{hint}"
+            f"sweeps at {temperatures} °C do not superpose: they miss the common curve by more than they scatter, so "
+            f"that their shifts are doubtful{'' if curve.vertical else hint}"
         )
     if laws and all(law.p < _REFUTED for law in laws):
         doubts.append(
@@ -159,27 +174,41 @@ def superposition_remarks(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> list[
 
 
 def document(curve: MasterCurve, laws: Sequence[ShiftLaw]) -> dict[str, Any]:
-    """Everything as plain data [SI, °C]."""
+    """Return a master curve and the laws of its shifts as plain data [SI, °C]."""
     return {
-        "reference_temperature": float(curve.temperatures[curve.reference]), "vertical": curve.vertical,
-        "sweeps": [
-            {
-                "temperature": sweep.temperature, "sources": [table.name for table in sweep.tables],
-                "ln_a": float(curve.shifts[k, 0]), "ln_a_std": float(curve.stds[k, 0]),
-                "ln_b": float(curve.shifts[k, 1]), "ln_b_std": float(curve.stds[k, 1]),
-                "residual": float(curve.scatter[k]), "own_residual": float(curve.own_scatter[k]),
-            }
-            for k, sweep in enumerate(curve.sweeps)
-        ],
+        "reference_temperature": float(curve.temperatures[curve.reference]),
+        "vertical": curve.vertical,
+        "sweeps": [_sweep_document(curve, k) for k in range(len(curve.sweeps))],
         "covariance": curve.covariance.tolist(),
-        "laws": [
-            {
-                "law": law.name, "formula": law.formula, "chi2": law.chi2, "freedom": law.freedom, "p": law.p,
-                "deviation": law.deviation,
-                "parameters": {name: {"value": value, "std": std, "unit": unit}
-                               for name, (value, std, unit) in law.values.items()},
-            }
-            for law in laws
-        ],
+        "laws": [_law_document(law) for law in laws],
         "remarks": superposition_remarks(curve, laws),
-    }  # fmt: skip
+    }
+
+
+def _sweep_document(curve: MasterCurve, index: int) -> dict[str, Any]:
+    """Return one sweep of a master curve with its shifts."""
+    sweep = curve.sweeps[index]
+    return {
+        "temperature": sweep.temperature,
+        "sources": [table.name for table in sweep.tables],
+        "ln_a": float(curve.shifts[index, 0]),
+        "ln_a_std": float(curve.stds[index, 0]),
+        "ln_b": float(curve.shifts[index, 1]),
+        "ln_b_std": float(curve.stds[index, 1]),
+        "residual": float(curve.scatter[index]),
+        "own_residual": float(curve.own_scatter[index]),
+    }
+
+
+def _law_document(law: ShiftLaw) -> dict[str, Any]:
+    """Return a law of the shifts with its constants."""
+    parameters = {name: {"value": value, "std": std, "unit": unit} for name, (value, std, unit) in law.values.items()}
+    return {
+        "law": law.name,
+        "formula": law.formula,
+        "chi2": law.chi2,
+        "freedom": law.freedom,
+        "p": law.p,
+        "deviation": law.deviation,
+        "parameters": parameters,
+    }

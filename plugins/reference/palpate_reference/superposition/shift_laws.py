@@ -15,7 +15,11 @@ from palpate_reference.superposition.master_curve import MasterCurve
 from palpate_reference.superposition.temperature_sweeps import ZERO
 
 GAS = 8.314462618  # [J/(mol K)], CODATA 2018
-_FAR = 1e4  # bound of C1 and C2, beyond which WLF is a straight line
+_MAX_CONSTANT = 1e4  # bound of C1 and C2 [K], a choice: beyond, WLF is a straight line
+_MIN_MARGIN = 1e-3  # [K] by which the pole of WLF stays below the coldest sweep
+_START_C1, _START_C2 = (5.0, 15.0), (20.0, 100.0)  # about the usual 17.4 and 51.6 K (Williams, Landel and Ferry 1955)
+_GAIN = 1e-14  # relative gain of a step, a choice near the rounding of a double
+_RIDGE, _MIN_RIDGE = 1e-12, 1e-24  # of the trace, and at least: keeps a covariance without noise invertible
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class ShiftLaw:
 
 
 def shift_laws(curve: MasterCurve) -> list[ShiftLaw]:
-    """Both laws, of those for which there are shifts enough, the better first.
+    """Return both laws, of those for which there are shifts enough, the better first.
 
     Uncertainties are those of the shifts, and widened by sqrt(chi^2/freedom) where a law misses them by more. Sources:
     Williams, Landel and Ferry 1955; Ferry 1980, chapter 11.
@@ -48,30 +52,32 @@ def shift_laws(curve: MasterCurve) -> list[ShiftLaw]:
     return sorted((law for law in laws if law is not None), key=lambda law: law.chi2 / law.freedom)
 
 
-def _free(curve: MasterCurve) -> tuple[Floats, Floats, Floats]:
-    """Temperatures (n - 1,), ln a_T (n - 1,) and a matrix that whitens them, without the reference."""
-    free = np.arange(len(curve.sweeps)) != curve.reference
-    covariance = curve.covariance[: len(free), : len(free)][np.ix_(free, free)]
-    floor = 1e-12 * float(np.trace(covariance)) + 1e-24
-    whitening = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
-    return curve.temperatures[free], curve.shifts[free, 0], np.asarray(whitening, np.float64)
+def _free_shifts(curve: MasterCurve) -> tuple[Floats, Floats, Floats]:
+    """Return temperatures (m,) [°C], ln a_T (m,) and a matrix (m, m) that whitens them, without the reference."""
+    is_free = np.arange(len(curve.sweeps)) != curve.reference
+    covariance = curve.covariance[: len(is_free), : len(is_free)][np.ix_(is_free, is_free)]
+    ridge = _RIDGE * float(np.trace(covariance)) + _MIN_RIDGE
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance + ridge * np.eye(len(covariance))))
+    return curve.temperatures[is_free], curve.shifts[is_free, 0], np.asarray(whitening, np.float64)
 
 
 def _arrhenius(curve: MasterCurve) -> ShiftLaw | None:
-    temperature, shift, whitening = _free(curve)
-    at = float(curve.temperatures[curve.reference])
-
-    def slope(t: Floats) -> Floats:
-        return (1.0 / (t + ZERO) - 1.0 / (at + ZERO)) / GAS
-
+    """Return the law of an activation energy E_a, which is linear; None for less than two shifts."""
+    temperature, shift, whitening = _free_shifts(curve)
+    reference = float(curve.temperatures[curve.reference])
     freedom = len(shift) - 1
     if freedom < 1:
         return None
-    design = whitening @ slope(temperature)
+
+    def per_energy(t: Floats) -> Floats:
+        """Return ln a_T/E_a (n,) [mol/J] at temperatures (n,) [°C]."""
+        return (1.0 / (t + ZERO) - 1.0 / (reference + ZERO)) / GAS
+
+    design = whitening @ per_energy(temperature)
     energy = float(design @ (whitening @ shift) / (design @ design))
 
     def predicted(t: Floats) -> Floats:
-        return energy * slope(t)
+        return energy * per_energy(t)
 
     chi2, deviation = _distance(predicted(temperature) - shift, whitening)
     std = _widened(1.0 / math.sqrt(float(design @ design)), chi2, freedom)
@@ -81,34 +87,40 @@ def _arrhenius(curve: MasterCurve) -> ShiftLaw | None:
 
 
 def _wlf(curve: MasterCurve) -> ShiftLaw | None:
-    temperature, shift, whitening = _free(curve)
-    at = float(curve.temperatures[curve.reference])
+    """Return the law of Williams, Landel and Ferry, its pole below all sweeps; None for less than three shifts."""
+    temperature, shift, whitening = _free_shifts(curve)
+    reference = float(curve.temperatures[curve.reference])
     freedom = len(shift) - 2
     if freedom < 1:
         return None
-    least = max(at - float(curve.temperatures.min()), 0.0) + 1e-3
+    min_c2 = max(reference - float(curve.temperatures.min()), 0.0) + _MIN_MARGIN
 
-    def log_shift(t: Floats, x: Floats) -> Floats:
-        return np.asarray(-math.log(10.0) * x[0] * (t - at) / (x[1] + (t - at)), np.float64)
+    def log_shift(t: Floats, constants: Floats) -> Floats:
+        """Return ln a_T (n,) at temperatures (n,) [°C], by C1 and C2 [K]."""
+        c1, c2 = constants
+        return np.asarray(-math.log(10.0) * c1 * (t - reference) / (c2 + (t - reference)), np.float64)
 
-    low, high = np.array([0.0, least]), np.array([_FAR, _FAR])
+    low, high = np.array([0.0, min_c2]), np.array([_MAX_CONSTANT, _MAX_CONSTANT])
     normal = normal_by_differences(lambda x: whitening @ (log_shift(temperature, x) - shift), high)
-    best = min((least_squares(normal, np.array([c1, least + more]), low, high, gain=1e-14)
-                for c1 in (5.0, 15.0) for more in (20.0, 100.0)), key=lambda one: one.cost)  # fmt: skip
+    starts = [np.array([c1, min_c2 + c2]) for c1 in _START_C1 for c2 in _START_C2]
+    minima = [least_squares(normal, start, low, high, gain=_GAIN) for start in starts]
+    best = min(minima, key=lambda minimum: minimum.cost)
     covariance = scaled_inverse(normal(best.x)[1:, 1:])
 
     def predicted(t: Floats) -> Floats:
         return log_shift(t, best.x)
 
     chi2, deviation = _distance(predicted(temperature) - shift, whitening)
-    stds = [_widened(math.sqrt(max(one, 0.0)), chi2, freedom) for one in np.diag(covariance)]
-    values = {"C1": (float(best.x[0]), stds[0], "1"), "C2": (float(best.x[1]), stds[1], "K")}
+    c1_std, c2_std = (_widened(math.sqrt(max(variance, 0.0)), chi2, freedom) for variance in np.diag(covariance))
+    values = {"C1": (float(best.x[0]), c1_std, "1"), "C2": (float(best.x[1]), c2_std, "K")}
     return ShiftLaw("WLF", "log10 a_T = -C1 (T - T_0)/(C2 + T - T_0)", values, chi2, freedom, deviation, predicted)
 
 
-def _distance(miss: Floats, whitening: Floats) -> tuple[float, float]:
-    return float(((whitening @ miss) ** 2).sum()), float(np.sqrt(np.mean(miss**2))) / math.log(10.0)
+def _distance(error: Floats, whitening: Floats) -> tuple[float, float]:
+    """Return chi^2 of errors of ln a_T (m,), and the rms of log10 a_T."""
+    return float(((whitening @ error) ** 2).sum()), float(np.sqrt(np.mean(error**2))) / math.log(10.0)
 
 
 def _widened(std: float, chi2: float, freedom: int) -> float:
+    """Return a standard uncertainty, widened by sqrt(chi^2/freedom) where the law misses the shifts by more."""
     return std * math.sqrt(max(chi2 / freedom, 1.0))

@@ -1,4 +1,4 @@
-"""Sweeps by their temperature: tables are parted where the temperature steps, and joined where it is the same."""
+"""Sweeps by their temperature: tables are split where the temperature steps, and joined where it is the same."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from palpate import ConfigurationError, to_si
 
 from palpate_reference.material_table import MaterialTable
 
-_SAME = 1.0  # [K] within which sweeps have one temperature
-_ROWS = 3  # of a sweep at least
+_TEMPERATURE_STEP = 1.0  # [K], a choice: within it sweeps have one temperature, above what an oven varies by
+_MIN_ROWS = 3  # of a sweep, a choice: fewer have no curvature
 ZERO = 273.15  # [K] of 0 °C
 
 
 @dataclass(frozen=True)
 class TemperatureSweep:
-    """What was measured at one temperature."""
+    """The tables that were measured at one temperature."""
 
     temperature: float  # [°C]
     tables: tuple[MaterialTable, ...]
@@ -35,17 +35,17 @@ def temperature_of(text: str) -> float:
 
 
 def temperature_sweeps(tables: Sequence[MaterialTable]) -> list[TemperatureSweep]:
-    """Sweeps from cold to warm; raises ConfigurationError where they cannot be of one master curve."""
+    """Return the sweeps from cold to warm; raises ConfigurationError where they cannot be of one master curve."""
     kinds = {(table.kind, table.shear) for table in tables}
     if len(kinds) > 1:
         names = ", ".join(f"{table.name} ({table.kind})" for table in tables)
         raise ConfigurationError(f"{names}: a master curve is of one kind of table, and of G or of E")
-    parts = [part for table in tables for part in _parts(table)]
+    parts = [part for table in tables for part in _constant_parts(table)]
     if not parts:
-        raise ConfigurationError(f"{tables[0].name}: no sweep of {_ROWS} rows at one temperature")
+        raise ConfigurationError(f"{tables[0].name}: no sweep of {_MIN_ROWS} rows at one temperature")
     groups: list[list[MaterialTable]] = []
     for part in sorted(parts, key=_temperature):
-        if groups and _temperature(part) - _temperature(groups[-1][0]) <= _SAME:
+        if groups and _temperature(part) - _temperature(groups[-1][0]) <= _TEMPERATURE_STEP:
             groups[-1].append(part)
         else:
             groups.append([part])
@@ -53,28 +53,45 @@ def temperature_sweeps(tables: Sequence[MaterialTable]) -> list[TemperatureSweep
         raise ConfigurationError(
             f"{tables[0].name}: all sweeps are at {_temperature(parts[0]):.4g} °C: nothing to shift"
         )
-    return [TemperatureSweep(float(np.mean([_temperature(one) for one in group])), tuple(group)) for group in groups]
+    means = [float(np.mean([_temperature(table) for table in group])) for group in groups]
+    return [TemperatureSweep(mean, tuple(group)) for mean, group in zip(means, groups, strict=True)]
 
 
 def _temperature(table: MaterialTable) -> float:
+    """Return the usual temperature [°C] of a table."""
     assert table.temperature is not None
     return float(np.nanmedian(table.temperature))
 
 
-def _parts(table: MaterialTable) -> list[MaterialTable]:
-    """Return a table, parted where its temperature steps; raises ConfigurationError where it states none."""
+def shift_signs(table: MaterialTable) -> tuple[float, float]:
+    """Return the signs by which ln a_T moves an axis and ln b_T a value.
+
+    Frequencies are moved up, times down; moduli up, compliances down.
+    """
+    return (1.0 if table.kind == "oscillation" else -1.0), (-1.0 if table.kind == "creep" else 1.0)
+
+
+def _constant_parts(table: MaterialTable) -> list[MaterialTable]:
+    """Return a table, split where its temperature steps; raises ConfigurationError where it states none.
+
+    Parts with too few rows, or all at one frequency or time, are left out.
+    """
     if table.temperature is None or not np.isfinite(table.temperature).all():
         raise ConfigurationError(
             f"{table.name}: states no temperature of its rows: a master curve needs a column 'Temperature [°C]'"
         )
-    steps = np.flatnonzero(np.abs(np.diff(table.temperature)) > _SAME) + 1
-    rows = [part for part in np.split(np.arange(len(table.x)), steps) if len(part) >= _ROWS]
-    return [
-        replace(
-            table, x=table.x[part], y=table.y[part], temperature=table.temperature[part],
-            std=None if table.std is None else table.std[part],
-            strain=None if table.strain is None else table.strain[part],
-        )
-        for part in rows
-        if float(np.ptp(np.log(table.x[part]))) > 0.0
-    ]  # fmt: skip
+    steps = np.flatnonzero(np.abs(np.diff(table.temperature)) > _TEMPERATURE_STEP) + 1
+    parts = []
+    for rows in np.split(np.arange(len(table.x)), steps):
+        if len(rows) >= _MIN_ROWS and float(np.ptp(np.log(table.x[rows]))) > 0.0:
+            parts.append(
+                replace(
+                    table,
+                    x=table.x[rows],
+                    y=table.y[rows],
+                    temperature=table.temperature[rows],
+                    std=None if table.std is None else table.std[rows],
+                    strain=None if table.strain is None else table.strain[rows],
+                )
+            )
+    return parts
