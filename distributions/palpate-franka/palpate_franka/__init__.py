@@ -24,7 +24,7 @@ def palpate_twins() -> dict[str, type[Twin] | str]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What only a person may do."""
+    """Return the command that only a person may give."""
     return {
         "franka-recover": Command(
             "palpate_franka.recover:recover", "Recover a Franka from a reflex, once a person has freed it.", "hardware"

@@ -1,4 +1,4 @@
-"""The client library's connection, with what goes wrong in words for the person at the robot."""
+"""The client library's connection, with its errors in words for the person at the robot."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from typing import Any
 from palpate import DeviceError
 from palpate_kit.acquisition.device_lock import network_device
 
-_PORT = 1337  # of the controller's commands
+_PORT = 1337  # of the controller's commands (Franka Control Interface)
 _LOOPBACK = "127."  # of addresses of this computer, where no controller is
 
 
 def connected(host: str, realtime: str) -> Any:
-    """Return a `franky.Robot`; raises DeviceError, and ImportError without the library."""
+    """Return a `franky.Robot` at a host; raises DeviceError, and ImportError without the library.
+
+    `realtime` is "enforce" or "ignore": whether a kernel for real time is required.
+    """
     import franky
 
     config = franky.RealtimeConfig.Enforce if realtime == "enforce" else franky.RealtimeConfig.Ignore
@@ -40,7 +43,7 @@ def connected(host: str, realtime: str) -> Any:
 
 
 def reservation(host: str) -> str:
-    """What no two programs on this computer may use at once."""
+    """Return the name of the controller's port, which no two programs on this computer may use at once."""
     return network_device(host, _PORT)
 
 

@@ -71,27 +71,30 @@ class Franka(ArmDevice):
 
     @classmethod
     def driver(cls) -> type[ArmDriver]:
-        """By the client library."""
+        """Return the driver by the client library."""
         from palpate_franka.driver import FrankaDriver
 
         return FrankaDriver
 
     @property
     def arm_model(self) -> ArmModel:
-        """That of its type."""
+        """Kinematics of the arm's type."""
         return MODELS[self.model]
 
     @property
     def stop_modes(self) -> StopModes:
-        """By its mode: an emergency stop locks the joints, or is the user stop. One program at a time is served."""
+        """Modes of a stopped controller: an emergency stop locks the joints, or is the user stop.
+
+        One program at a time is served.
+        """
         return StopModes("robot_mode", (LOCKED, USER_STOP), (USER_STOP,), (REFLEX,), single_connection=True)
 
     @property
     def command_lag(self) -> float:
-        """d/k of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
+        """Lag d/k [s] of a spring k [N/m] whose damping is d = 2 sqrt(k) [N s/m], as the client sets it."""
         return 2.0 / math.sqrt(self.stiffness)
 
     @property
     def controller_stiffness(self) -> float:
-        """That of the impedance."""
+        """Stiffness [N/m] of the impedance."""
         return self.stiffness

@@ -16,10 +16,12 @@ from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import complaint, error_bits, error_names, explained, names_of
 
 _ROBOT = re.compile(r'<robot[^>]*\bname="([^"]*)"')
-_CREEP = 0.01  # [rad/s] at which friction is compensated
-_POSTURE = 10.0  # [N m/rad] that holds the elbow
-_RAMP, _STOPS, _JOINED = 0.03, 0.1, 0.15  # [s] of a stop: to damping alone, at most, and until its answer
-_NAMES = re.compile(r'"(\w+)"')
+# Choices.
+_FRICTION_SPEED = 0.01  # [rad/s] of a joint, from which on all of its friction is compensated
+_POSTURE_STIFFNESS = 10.0  # [N m/rad] that holds the elbow
+# Times [s] of a stop: until damping alone acts, of the whole stop at most, and until it is given up.
+_RAMP_TIME, _MAX_STOP_TIME, _ANSWER_TIME = 0.03, 0.1, 0.15
+_ERROR_NAMES = re.compile(r'"(\w+)"')
 
 
 class FrankaDriver(ArmDriver):
@@ -32,18 +34,21 @@ class FrankaDriver(ArmDriver):
     def __init__(self, settings: Mapping[str, Any], model: ArmModel | None, tool: Floats) -> None:
         super().__init__(settings, model, tool)
         self._observed = False
-        self._motion: Any = None  # by which it is held
+        self._motion: Any = None  # by which the arm is held
         self._stops = False
-        self._newest: Any = None  # of the states that a thread listens to
-        self._lost: str | None = None  # why states can no longer come
+        self._newest: Any = None  # latest of the states that a thread listens to
+        self._lost: str | None = None  # reason why states can no longer come
 
     @property
     def reservation(self) -> str:
-        """The controller's port."""
+        """Name of the controller's port."""
         return reservation(self.settings["host"])
 
     def connect(self, observe: bool) -> None:
-        """Connect; unless the arm is only observed set tool, load and thresholds of one that is ready, and hold it."""
+        """Connect; unless the arm is only observed, set tool, load and thresholds, and hold it.
+
+        Raises DeviceError for another robot than the stated one, and for an arm that is not ready.
+        """
         import franky
 
         self._library, self._observed = franky, observe
@@ -57,8 +62,9 @@ class FrankaDriver(ArmDriver):
             clock().thread(self._listen, "franka is observed").start()
             return
         errors = self._named(state.current_errors)
-        if (text := complaint(int(state.robot_mode), errors)) is not None:
-            raise DeviceError(text + self._recovery(errors))
+        reason = complaint(int(state.robot_mode), errors)
+        if reason is not None:
+            raise DeviceError(reason + self._recovery(errors))
         try:
             self._set_up(state)
             self._hold()
@@ -66,7 +72,7 @@ class FrankaDriver(ArmDriver):
             raise DeviceError(f"it takes no settings: {words_of(error)}") from error
 
     def _listen(self) -> None:
-        """A state of an arm that is not held takes up to a millisecond, for which the loop does not wait."""
+        """Take the states of an arm that is not held, each up to a millisecond, for which the loop does not wait."""
         try:
             while True:
                 self._newest = self._robot.state
@@ -75,16 +81,20 @@ class FrankaDriver(ArmDriver):
 
     def _refuse_other_robot(self) -> str:
         """Return the robot's name in its description; raises DeviceError where that is another one."""
-        found = _ROBOT.search(self._robot.model_urdf)
-        name = found.group(1) if found else "unknown"
+        match = _ROBOT.search(self._robot.model_urdf)
+        name = match.group(1) if match else "unknown"
         if not name.startswith(self.settings["model"]):
             raise DeviceError(f'it calls itself "{name}", and [device.*] model is "{self.settings["model"]}"')
         return name
 
     def _set_up(self, state: Any) -> None:
+        """Set the tool, the controller's thresholds and, where it is stated, the payload.
+
+        The controller takes matrices by columns, and the tool from its nominal end effector (NE), not from the flange.
+        """
         settings = self.settings
-        nominal = np.linalg.inv(state.F_T_NE.matrix)
-        self._robot.set_ee((nominal @ self.tool).ravel(order="F").tolist())
+        flange_from_nominal = np.linalg.inv(state.F_T_NE.matrix)
+        self._robot.set_ee((flange_from_nominal @ self.tool).ravel(order="F").tolist())
         self._robot.set_collision_behavior(settings["collision_torque"], settings["collision_force"])
         if settings["payload"] is not None:
             inertia = np.diag(settings["payload_inertia"]).ravel(order="F").tolist()
@@ -94,22 +104,25 @@ class FrankaDriver(ArmDriver):
 
     def _refuse_other_flange(self, state: Any) -> None:
         """Raise DeviceError where the flange is not where the joints put it."""
-        assert self.model is not None  # that of its type
+        assert self.model is not None
         flange = state.O_T_EE.matrix @ np.linalg.inv(state.F_T_EE.matrix)
-        apart = float(np.linalg.norm((flange - self.model.flange(state.q.tolist())[0])[:3, 3]))
-        if apart > KINEMATICS_TOLERANCE:
-            raise DeviceError(f"its flange is {1e3 * apart:.1f} mm from where the joints of a {self.model.name} put it")
+        model_flange, *_ = self.model.flange(state.q.tolist())
+        distance = float(np.linalg.norm((flange - model_flange)[:3, 3]))
+        if distance > KINEMATICS_TOLERANCE:
+            raise DeviceError(
+                f"its flange is {1e3 * distance:.1f} mm from where the joints of a {self.model.name} put it"
+            )
 
     def _hold(self) -> None:
-        """Where it is, by the impedance."""
+        """Hold the arm where it is, by the impedance."""
         library, settings, state = self._library, self.settings, self._robot.state
         assert self.model is not None
         motion = library.CartesianImpedanceTrackingMotion(
             translational_stiffness=settings["stiffness"],
             rotational_stiffness=settings["rotational_stiffness"],
             translational_error_clip=np.full(3, settings["tracking"]),
-            posture_task=library.PostureTask(state.q, _POSTURE),
-            friction=library.FrictionCompensationParams(coulomb=settings["friction"], velocity_epsilon=_CREEP),
+            posture_task=library.PostureTask(state.q, _POSTURE_STIFFNESS),
+            friction=library.FrictionCompensationParams(coulomb=settings["friction"], velocity_epsilon=_FRICTION_SPEED),
             lower_joint_limits=np.array(self.model.low),
             upper_joint_limits=np.array(self.model.high),
         )
@@ -118,7 +131,7 @@ class FrankaDriver(ArmDriver):
         self._motion = motion
 
     def identify(self, reading: ArmReading) -> None:
-        """Tip and load by the first state; raises DeviceError, with the arm no longer held."""
+        """Record tip and load by the first state; raises DeviceError, with the arm no longer held."""
         try:
             super().identify(reading)
         except DeviceError:
@@ -143,37 +156,39 @@ class FrankaDriver(ArmDriver):
             state.q.tolist(),
             state.dq.tolist(),
             None if self._observed else pose_of(state.O_T_EE.matrix),
-            None,  # by the joints: the controller's own is the one that is desired
+            None,  # the velocity follows from the joints: the controller's own is the desired one
             state.O_F_ext_hat_K.tolist(),
             (float(int(state.robot_mode)), float(bits), state.control_command_success_rate),
         )
 
     def send(self, pose: Sequence[float]) -> bool:
-        """As the reference of the impedance."""
+        """Send a pose as the reference of the impedance; return True."""
         library = self._library
         self._motion.set_reference(library.CartesianReference(target=library.Affine(matrix_of(list(pose)))))
         return True
 
     def stop(self) -> None:
-        """By damping alone, at whose end the controller holds it; where that does not end, by the controller."""
+        """Stop the arm by damping alone, at whose end the controller holds it; else by the controller itself."""
         if self._motion is None or self._stops:
             return
         self._stops, library = True, self._library
         if not self._robot.is_in_control:
             return  # the controller has stopped it
-        self._robot.move(library.TorqueStopMotion(ramp_duration=_RAMP, max_duration=_STOPS), asynchronous=True)
+        stop_motion = library.TorqueStopMotion(ramp_duration=_RAMP_TIME, max_duration=_MAX_STOP_TIME)
+        self._robot.move(stop_motion, asynchronous=True)
         try:
-            if not self._robot.join_motion(_JOINED):
+            if not self._robot.join_motion(_ANSWER_TIME):
                 self._robot.stop()
         except library.ControlException:  # a reflex, which stops it as well
             return
 
     def check(self, reading: ArmReading) -> None:
-        """By the controller's mode and errors, and by whether it still takes commands."""
+        """Raise ArmFaultError by the controller's mode and errors, and where it takes no more commands."""
         mode, bits = int(reading.status[0]), int(reading.status[1])
         errors = names_of(bits, self._errors)
-        if (text := complaint(mode, errors)) is not None:
-            raise ArmFaultError(text + self._recovery(errors))
+        reason = complaint(mode, errors)
+        if reason is not None:
+            raise ArmFaultError(reason + self._recovery(errors))
         if self._motion is not None and not self._stops and not self._robot.is_in_control:
             raise ArmFaultError(self._end())
 
@@ -182,7 +197,7 @@ class FrankaDriver(ArmDriver):
         try:
             self._robot.join_motion(0.0)
         except self._library.ControlException as error:
-            errors = _NAMES.findall(str(error))
+            errors = _ERROR_NAMES.findall(str(error))
             names = f": {explained(errors)}" if errors else ""
             return f"the controller ended the motion ({words_of(error)}){names}{self._recovery(errors)}"
         except self._library.Exception as error:

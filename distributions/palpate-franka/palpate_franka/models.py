@@ -6,18 +6,28 @@ import math
 
 from palpate_kit.kinematics.arm_model import ArmModel, DHJoint
 
-_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)  # m
-_D = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)  # m
-_TURNS = (0.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0)  # quarters
-_FLANGE = 0.107  # m
+# Craig's parameters of the seven joints, and the flange beyond the last.
+_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)  # [m]
+_D = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)  # [m]
+_QUARTER_TURNS = (0.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0)  # of alpha
+_FLANGE = 0.107  # [m]
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
-POSTURE = (0.0, -0.4, 0.0, -2.2, 0.0, 1.8, 0.785)  # rad; the tool looks down
+POSTURE = (0.0, -0.4, 0.0, -2.2, 0.0, 1.8, 0.785)  # [rad] with the tool downwards, a choice
 
 
 def _model(name: str, low: tuple[float, ...], high: tuple[float, ...], speed: tuple[float, ...]) -> ArmModel:
+    """Return an arm whose joints have these ends [rad] and largest speeds [rad/s]."""
     joints = [
-        DHJoint(name=joint, a=a, d=d, alpha=turn * math.pi / 2, low=least, high=most, speed=fastest)
-        for joint, a, d, turn, least, most, fastest in zip(JOINTS, _A, _D, _TURNS, low, high, speed, strict=True)
+        DHJoint(
+            name=joint,
+            a=_A[i],
+            d=_D[i],
+            alpha=_QUARTER_TURNS[i] * math.pi / 2,
+            low=low[i],
+            high=high[i],
+            speed=speed[i],
+        )
+        for i, joint in enumerate(JOINTS)
     ]
     return ArmModel.of_dh(name, joints, flange=_FLANGE, modified=True)
 

@@ -1,4 +1,4 @@
-"""``palpate franka-recover``: from a reflex, by a person's command alone."""
+"""``palpate franka-recover``: the recovery from a reflex, by a person's command alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from palpate_kit.acquisition.computer import host
 from palpate_franka.client import connected, reservation, words_of
 from palpate_franka.robot_states import MODES, error_bits, error_names, explained, names_of
 
-_SETTLES = 1.0  # [s] until states show what the controller has answered
+_SETTLING_TIME = 1.0  # [s], a choice: until states show the controller's answer
+_POLL_INTERVAL = 0.01  # [s] between two looks at the states, a choice
 
 
 def recover(
@@ -37,9 +38,11 @@ def recover(
     if not typer.confirm("Is the arm free, and nobody within its reach?"):
         raise UserError("not recovered")
     try:
-        recovered, deadline = robot.recover_from_errors(), clock().now() + _SETTLES
-        while not recovered and clock().now() < deadline:  # the first states may be older than the recovery
-            clock().sleep(0.01)
+        recovered = robot.recover_from_errors()
+        # The first states may be older than the recovery.
+        deadline = clock().now() + _SETTLING_TIME
+        while not recovered and clock().now() < deadline:
+            clock().sleep(_POLL_INTERVAL)
             recovered = not robot.has_errors
     except franky.Exception as error:
         raise DeviceError(f"franka at {address}: not recovered: {words_of(error)}") from error

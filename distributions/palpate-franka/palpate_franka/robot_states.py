@@ -1,11 +1,11 @@
-"""What the controller's modes and errors are called, and what a person does about them."""
+"""Names of the controller's modes and errors, with their remedies for a person."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-_NONE = "[]"  # how the client library writes no errors
+_NO_ERRORS = "[]"  # as the client library writes it
 LOCKED, IDLE, MOVES, REFLEX, USER_STOP = 0, 1, 2, 4, 5
 MODES = {
     LOCKED: "its joints are locked or it is not ready: unlock the joints and activate FCI in Desk",
@@ -35,8 +35,8 @@ def error_names(library: Any) -> list[str]:
 
 
 def error_bits(errors: Any, names: Sequence[str]) -> int:
-    """Errors as bits, in the order of their names."""
-    if str(errors) == _NONE:  # in each of a thousand states a second: forty attributes take ten times as long
+    """Return errors as bits: that of place k stands for the k-th name."""
+    if str(errors) == _NO_ERRORS:  # in each of a thousand states a second: forty attributes take ten times as long
         return 0
     return sum(1 << place for place, name in enumerate(names) if getattr(errors, name))
 
@@ -47,7 +47,7 @@ def names_of(bits: int, names: Sequence[str]) -> list[str]:
 
 
 def explained(errors: Sequence[str]) -> str:
-    """Errors by their names, with what they mean where that is known."""
+    """Return errors by their names, with their meaning where it is known."""
     return ", ".join(f"{name} ({MEANINGS[name]})" if name in MEANINGS else name for name in errors)
 
 

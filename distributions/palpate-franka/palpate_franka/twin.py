@@ -54,7 +54,7 @@ class FrankaBench(BenchSettings):
 
     @contextmanager
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedTwin]:
-        """Return palpate's own arm with the kinematics of an FR3, which gives way by `stiffness`."""
+        """Yield palpate's own arm with the kinematics of an FR3, which gives way by `stiffness`."""
         arm = TwinArm(
             model=MODELS["fr3"], lag=2.0 / math.sqrt(self.stiffness), posture=POSTURE, stiffness=self.stiffness
         )

@@ -1,4 +1,4 @@
-"""What the tests of the distribution share: the simulator with its specimen, and palpate with it."""
+"""Fixtures of the distribution's tests: the simulator with its specimen, and palpate with it."""
 
 import importlib.util
 import json
@@ -27,7 +27,7 @@ pytest_plugins = ["tests.busy"]
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
-    """A simulator that could not keep up with the wall clock held palpate up as well."""
+    """Report the hold-up of a simulator that could not keep up with the wall clock: it held palpate up as well."""
     from tests.busy import HELD_UP
 
     try:
@@ -53,13 +53,13 @@ class Rig:
         assert words[:2] == ["ready:", "robot"], "the simulator did not start"
 
     def ask(self, *words):
-        """What the arm did since the last `mark`; the words may change something before."""
+        """Return what the arm did since the last `mark`; the words may change something before."""
         self.process.stdin.write(" ".join(map(str, words or ("truth",))) + "\n")
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
 
     def start(self, command, *arguments, stdin=subprocess.DEVNULL):
-        """palpate, in a process of its own."""
+        """Start palpate in a process of its own, and return it."""
         changes = [self.port, f'device.arm.host="{self.address}"', *self.places, *PATIENCE]
         changes = [text for change in changes for text in ("--set", change)]
         return subprocess.Popen(
@@ -68,7 +68,7 @@ class Rig:
         )  # fmt: skip
 
     def end(self):
-        """Let it go."""
+        """End the simulator."""
         self.process.stdin.close()
         self.process.wait(30)
         self.process.stdout.close()
@@ -76,7 +76,7 @@ class Rig:
 
 @pytest.fixture
 def rig_of(tmp_path):
-    """Makes a rig of a pipeline's file."""
+    """Yield a function that starts a rig of a pipeline's file."""
     if ABSENT:
         pytest.skip(f"{', '.join(ABSENT)} not installed: pip install 'palpate-franka[test]'")
 

@@ -33,13 +33,13 @@ LONG = 120.0  # [s], on a machine of any speed
 
 
 def finished(process):
-    """Exit code, and all that was printed, of a process that ends by itself."""
+    """Return exit code, and all that was printed, of a process that ends by itself."""
     out, errors = process.communicate(timeout=LONG)
     return process.returncode, " ".join((out + errors).split())
 
 
 def keeps_limits(truth, pipeline):
-    """Every limit of [safety], by what the simulator's arm did."""
+    """Assert every limit of [safety] by what the simulator's arm did."""
     safety, arm = pipeline.safety, pipeline.devices["arm"]
     for low, least, high, most in zip(truth["low"], safety.low, truth["high"], safety.high, strict=True):
         assert least - AWAY <= low
@@ -51,7 +51,7 @@ def keeps_limits(truth, pipeline):
 
 
 def wait_for(rig, condition):
-    """What the arm did, as soon as a condition of it holds."""
+    """Return what the arm did, as soon as a condition of it holds."""
     deadline = time.monotonic() + LONG
     while time.monotonic() < deadline:
         if condition(truth := rig.ask()):
@@ -61,7 +61,7 @@ def wait_for(rig, condition):
 
 
 def pressing(rig, *arguments):
-    """A run whose tip is in the specimen."""
+    """Return a run whose tip is in the specimen."""
     process = rig.start("run", *arguments)
     wait_for(rig, lambda truth: truth["force"] > 2.0 or process.poll() is not None)
     assert process.poll() is None, finished(process)
@@ -69,7 +69,7 @@ def pressing(rig, *arguments):
 
 
 def stands(rig):
-    """What the arm did until it has come to rest, and stays there."""
+    """Return what the arm did until it has come to rest, and stays there."""
     return wait_for(rig, lambda truth: truth["stands"] > 0.5)
 
 
@@ -124,7 +124,7 @@ def test_an_end_of_the_process_that_commands_leaves_an_arm_that_stands(rig_of):
 
 
 def child_of(parent):
-    """The process of the arm."""
+    """Return the process of the arm."""
     for pid in filter(str.isdigit, os.listdir("/proc")):
         try:
             with open(f"/proc/{pid}/stat") as stat, open(f"/proc/{pid}/cmdline") as command:
@@ -215,8 +215,10 @@ def test_the_doctor_moves_nothing(rig_of):
 
 
 def go_through(rig, process):
-    """The exit code of an acceptance gone through by a person with the simulator's console, what it said, and what the
-    arm did between the times at which a hand led it."""
+    """Go through an acceptance as a person with the simulator's console.
+
+    Return its exit code, what it printed, and what the arm did between the times at which a hand led it.
+    """
     said, begin, truths = "", 0, []
     while data := os.read(process.stderr.fileno(), 4096):
         said += data.decode()
@@ -259,7 +261,7 @@ def test_an_acceptance_is_by_the_record_of_its_runs(rig_of, tmp_path):
 
 
 def prompted(process):
-    """What a process prints until it waits for a person."""
+    """Return what a process prints until it waits for a person."""
     text = ""
     while not text.endswith("press Enter"):
         text += (read := process.stderr.read(1))

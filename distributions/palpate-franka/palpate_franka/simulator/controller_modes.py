@@ -20,13 +20,14 @@ ERRORS = 41  # of the protocol
 
 def enter_mode(server: Any, mode: str, errors: Sequence[str]) -> None:
     """End a motion as a controller does at a collision, and keep a mode and errors (their places) until a recovery."""
-    bits = [str(place) in errors for place in range(ERRORS)]
-    motion, socket, sound = server.current_motion_id, server._tcp_socket, type(server).robot_state.fget
+    error_bits = [str(place) in errors for place in range(ERRORS)]
+    motion, socket = server.current_motion_id, server._tcp_socket
+    normal_state = type(server).robot_state.fget
 
     class ServerInMode(type(server)):  # type: ignore[misc]
         @property
         def robot_state(self) -> Any:
-            return sound(self).replace(robot_mode=RobotMode[mode], errors=bits, reflex_reason=bits)
+            return normal_state(self).replace(robot_mode=RobotMode[mode], errors=error_bits, reflex_reason=error_bits)
 
     server.stop_motion(send_preemption_signal=False)
     server.__class__ = ServerInMode
@@ -36,7 +37,7 @@ def enter_mode(server: Any, mode: str, errors: Sequence[str]) -> None:
 
 
 def _recover(command: Any, server: Any) -> None:
-    """Leave the mode; franky-sim alone only answers that it has."""
+    """Leave the mode; franky-sim by itself answers so, but does not."""
     server.__class__ = FrankaRobotServer
     command.reply(AutomaticErrorRecoveryStatus.kSuccess)
 

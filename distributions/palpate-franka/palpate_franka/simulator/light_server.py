@@ -15,7 +15,11 @@ _STATE = struct.Struct("<320f 85B f")
 
 
 def packed(s: Any) -> bytes:
-    """`FrankaRobotState.pack_state` in one go."""
+    """Return a state as bytes, as `FrankaRobotState.pack_state` does, in one call.
+
+    Little-endian, without gaps: 320 floats of 4 bytes, 85 bytes (two modes of the controller, twice 41 errors, of the
+    present and of the last reflex, and the mode of the robot), and the success rate as a float.
+    """
     return _STATE.pack(
         *s.O_T_EE, *s.O_T_EE_d, *s.F_T_EE, *s.EE_T_K, *s.F_T_NE, *s.NE_T_EE,
         s.m_ee, *s.I_ee, *s.F_x_Cee[:3], s.m_load, *s.I_load, *s.F_x_Cload[:3], *s.elbow, *s.elbow_d,
@@ -30,16 +34,17 @@ def packed(s: Any) -> bytes:
 
 
 def replaced(state: Any, **changes: Any) -> Any:
-    """`FrankaRobotState.replace` without a look at each of its fields."""
+    """Return a state with changes, as `FrankaRobotState.replace` does, without a look at each of its fields."""
     new = object.__new__(type(state))
     new.__dict__.update(state.__dict__, **changes)
     return new
 
 
 class Joints:
-    """`FrankaMujocoRobot._get_state` once at each instant, for which it is asked four times, with encoder noise [rad].
+    """State of the joints as by `FrankaMujocoRobot._get_state`, computed once an instant, with encoder noise [rad].
 
-    A real encoder never reads the same in every digit, by which palpate sees that states are not repeated.
+    The server calls it four times an instant. A real encoder never reads the same in every digit: palpate recognises
+    repeated states by that.
     """
 
     def __init__(self, robot: Any, std: float, seed: int) -> None:

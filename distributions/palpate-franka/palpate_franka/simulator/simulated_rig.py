@@ -30,12 +30,14 @@ from palpate_franka.simulator.hand import Hand
 from palpate_franka.simulator.light_server import lighten
 
 STEP = 1e-3  # [s] of the controller
-LOOK = 2 * STEP  # [s] from one contact force to the next, which goes on meanwhile: the simulator has to keep pace
+# [s] from one contact force to the next, which acts meanwhile: a choice, so that the simulator keeps pace
+CONTACT_INTERVAL = 2 * STEP
+STEPS_A_READ = 5  # steps from one look at the console to the next, a choice
 FLANGE = "robot0_hand"  # MuJoCo's body at the flange
 HAND_TURN = matrix_of([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 4])  # from that body to the flange
-REACH = 0.5  # [m] from a joint to the tip: its encoder's noise is that of the measured height over this
-AIR = 3e-3  # [m] over the work frame, where nothing is felt
-MOST_BEHIND = 0.5  # [s] that are not made up for
+REACH = 0.5  # [m] from a joint to the tip, a choice: its encoder's noise is that of the measured height over this
+AIR_HEIGHT = 3e-3  # [m] over the work frame, a choice: above, nothing touches
+MAX_HOLD_UP = 0.5  # [s], a choice: a longer one is not made up for
 PAUSE = 1e-4  # [s] that a process at real-time priority sleeps at times, or the system ends it
 COMMANDS = {
     "truth": "what the arm did since the last mark, in SI, as JSON",
@@ -77,15 +79,15 @@ class SimulatedRig:
             PseudoTerminal(bench.port), bench.line_time, bench.sensor_ppm, bench.clock_start, seed
         )
         self.record = ArmRecord(self._inwards @ bench.work.tool)
-        self._now, self._late, self._began = 0.0, 0.0, 0.0
-        self._before: tuple[Floats, Floats] | None = None  # place [m] and velocity [m/s] one look ago
-        self._felt = np.zeros((2, 3))  # force on the tip [N], and the tip's acceleration [m/s^2], one look ago
-        self._looks = self._done = False
+        self._now, self._late, self._began = 0.0, 0.0, 0.0  # [s] simulated, largest hold-up, of the wall clock
+        self._before: tuple[Floats, Floats] | None = None  # place [m] and velocity [m/s] at the last contact force
+        self._felt = np.zeros((2, 3))  # force on the tip [N], and the tip's acceleration [m/s^2], at the last one
+        self._is_contact_step = self._done = False
         self._held: Floats | None = None  # joints at which the link was lost
         self._hand = Hand(np.array(joints))
 
     def end(self, *_: Any) -> None:
-        """Let `run` return."""
+        """Let `run` return, also as a handler of signals."""
         self._done = True
 
     def close(self) -> None:
@@ -103,20 +105,20 @@ class SimulatedRig:
 
     def _press(self) -> None:
         """Let the specimen push the arm and the sensor read it, at every other step."""
-        self._looks = not self._looks
-        if not self._looks:
+        self._is_contact_step = not self._is_contact_step
+        if not self._is_contact_step:
             return
-        # Velocity and acceleration of the tip by differences from one look to the next.
+        # Velocity and acceleration of the tip by differences between contact forces.
         data, (turn, place) = self._sim.data, self._tip()
         place_before, velocity_before = self._before or (place, np.zeros(3))
-        velocity = (place - place_before) / LOOK
-        acceleration, self._before = (velocity - velocity_before) / LOOK, (place, velocity)
+        velocity = (place - place_before) / CONTACT_INTERVAL
+        acceleration, self._before = (velocity - velocity_before) / CONTACT_INTERVAL, (place, velocity)
         push = np.zeros((1, 3))
-        if place[2] < AIR:
+        if place[2] < AIR_HEIGHT:
             now = np.array([self._now])
             push = self._contact.force(self._bench.specimen, now, place[None], velocity[None])
         joint_speed = float(np.abs(data.qvel[:7]).max())
-        self.record.add(place, velocity, push[0], turn, joint_speed, LOOK)
+        self.record.add(place, velocity, push[0], turn, joint_speed, CONTACT_INTERVAL)
         # Force and torque about the body's centre of mass.
         force = self._inwards.T @ push[0]
         lever = self._inwards.T @ place + self._origin - data.xipos[self._body]
@@ -124,14 +126,14 @@ class SimulatedRig:
         self._feel(turn @ self._mounting, np.stack([push[0], acceleration]))
 
     def _feel(self, axes: Floats, felt: Floats) -> None:
-        """Let the sensor read, whose axes (3, 3) are in the work frame; between two looks by a straight line."""
+        """Let the sensor read, by its axes (3, 3) in the work frame; between two contact forces by a straight line."""
         self._sensor.poll(self._now)
         instants = self._sensor.instants(self._now)
         felt_before, self._felt = self._felt, felt
         if not len(instants):
             return
         bench, count = self._bench, len(instants)
-        share = np.clip((self._now - instants) / LOOK, 0.0, 1.0)[:, None]
+        share = np.clip((self._now - instants) / CONTACT_INTERVAL, 0.0, 1.0)[:, None]
         push, acceleration = (share * felt_before[row] + (1.0 - share) * felt[row] for row in (0, 1))
         wrench = sensed_wrench(
             push @ axes,
@@ -152,15 +154,15 @@ class SimulatedRig:
         return {**self.record.facts(), "mode": mode, "load": self._robot.m_load, "late": self._late}
 
     def run(self) -> None:
-        """Step by step, each at its time; what the machine holds up is made up for."""
+        """Run step by step, each at its time of the wall clock; a short hold-up of the machine is made up for."""
         console = Console(self._answer, COMMANDS)
         self._began = clock().now()
         while not (self._done or console.ended):
-            for _ in range(5):
+            for _ in range(STEPS_A_READ):
                 self._step()
                 wait = self._began + self._now - clock().now()
                 self._late = max(self._late, -wait)
-                if wait < -MOST_BEHIND:
+                if wait < -MAX_HOLD_UP:
                     self._began -= wait
                 if wait > 0.0:
                     clock().sleep(wait)
@@ -236,7 +238,7 @@ class SimulatedRig:
 def joints_of(
     bench: BenchSettings, model: ArmModel, place: Floats, near: Floats, turn: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> Floats:
-    """Joints for the tip at a place (3,) [m] in the work frame, the tool turned from its by a vector (3,) [rad].
+    """Return joints (7,) [rad] for a tip at a place (3,) [m] of the work frame, the tool turned by a vector (3,) [rad].
 
     Raises ConfigurationError where the arm does not reach it.
     """
