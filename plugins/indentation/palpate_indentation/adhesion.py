@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,17 +43,7 @@ def adhesive_law(law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit,
     radius, poisson = sphere_radius(law.model), poisson_ratio(law.model)
     if radius is None or law.unit != "Pa" or plain.correlation_time < _MIN_CORRELATION_TIME:
         return None
-    # The search begins between an adhesion whose pull is the noise and one whose pull is the largest force.
-    noise_adhesion = noise / (_JKR_PULL * radius * plain.modulus)  # [m] work over modulus
-    force_over_noise = float(plain.modulus * law.geometry(plain.surface - branch.height).max()) / noise
-    start_adhesion = noise_adhesion * np.sqrt(max(force_over_noise, 1.0))
-    candidates = []
-    for model in installed_theories(radius, poisson).values():
-        start_law = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=start_adhesion)
-        fit = fit_curve(start_law, branch, noise, tilt=tilt)
-        if np.isfinite([fit.modulus, fit.modulus_std]).all() and fit.work > _MIN_WORK_SIGMAS * fit.work_std:
-            fitted_law = replace(start_law, adhesion=fit.work / fit.modulus)
-            candidates.append(AdhesiveLaw(fitted_law, fit, ambiguity=0.0))
+    candidates = list(_candidates(law, branch, noise, plain, installed_theories(radius, poisson), tilt=tilt))
     if not candidates:
         return None
 
@@ -63,6 +54,26 @@ def adhesive_law(law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit,
     rivals = [other.fit for other in worse if other.fit.bic_above(best.fit, 0) < _MIN_BIC_DIFFERENCE]
     distances = [rival.modulus - best.fit.modulus for rival in rivals]
     return replace(best, ambiguity=float(np.max(np.abs(distances), initial=0.0)))
+
+
+def _candidates(
+    law: ElasticLaw, branch: Branch, noise: float, plain: CurveFit, models: Mapping[str, Any], *, tilt: bool
+) -> Iterator[AdhesiveLaw]:
+    """Yield the theories whose work of adhesion is beyond three standard uncertainties, fitted to a way in.
+
+    The search begins between an adhesion whose pull is the noise [N] and one whose pull is the largest force.
+    """
+    radius = sphere_radius(law.model)
+    assert radius is not None
+    noise_adhesion = noise / (_JKR_PULL * radius * plain.modulus)  # [m] work over modulus
+    force_over_noise = float(plain.modulus * law.geometry(plain.surface - branch.height).max()) / noise
+    start_adhesion = noise_adhesion * np.sqrt(max(force_over_noise, 1.0))
+    for model in models.values():
+        start_law = ElasticLaw(model, law.name, law.unit, 0, (0.0, 0.0), adhesion=start_adhesion)
+        fit = fit_curve(start_law, branch, noise, tilt=tilt)
+        is_finite = np.isfinite([fit.modulus, fit.modulus_std]).all()
+        if is_finite and fit.work > _MIN_WORK_SIGMAS * fit.work_std:
+            yield AdhesiveLaw(replace(start_law, adhesion=fit.work / fit.modulus), fit, ambiguity=0.0)
 
 
 def installed_theories(radius: float, poisson: float) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -60,17 +60,22 @@ def contact_points(press: Press, fit: CurveFit, branch: Branch) -> dict[str, Con
 
     for name, method in _METHODS.items():
         point = method(press, force)
-        if point is None or not low < point.surface < high:
-            continue
-        # The same method on the fitted curve with drawn noise; one that seldom finds a surface there is left out.
-        drawn_points = [method(press, drawn_force) for drawn_force in drawn_forces]
-        drawn_surfaces = [drawn.surface for drawn in drawn_points if drawn is not None]
-        if len(drawn_surfaces) >= _DRAWS // 2:
-            # Surfaces that are all the same show no scatter: the method's own uncertainty stands in.
-            own_std = point.std if np.std(drawn_surfaces) == 0 else 0.0
-            std = float(np.hypot(np.std(drawn_surfaces, ddof=1), own_std))
-            results[name] = ContactPointResult(point.surface, std, float(np.mean(drawn_surfaces)))
+        if point is not None and low < point.surface < high:
+            drawn_points = [method(press, drawn_force) for drawn_force in drawn_forces]
+            result = _compared_result(point, [drawn.surface for drawn in drawn_points if drawn is not None])
+            if result is not None:
+                results[name] = result
     return results
+
+
+def _compared_result(point: ContactPoint, drawn_surfaces: Sequence[float]) -> ContactPointResult | None:
+    """Return a method's surface with those [m] that it finds in the fitted curve; None if it seldom finds any there."""
+    if len(drawn_surfaces) < _DRAWS // 2:
+        return None
+    # Surfaces that are all the same show no scatter: the method's own uncertainty stands in.
+    own_std = point.std if np.std(drawn_surfaces) == 0 else 0.0
+    std = float(np.hypot(np.std(drawn_surfaces, ddof=1), own_std))
+    return ContactPointResult(point.surface, std, float(np.mean(drawn_surfaces)))
 
 
 def _force_point(press: Press, force: Floats, method: str) -> ContactPoint | None:

@@ -103,41 +103,45 @@ def analyse_press(
 
     # The fit by the pipeline's own law, with the viscosity held; spheres by the other laws likewise.
     viscosity = _best_known_viscosity(law, press, branch, settings, viscosity)
-    if viscosity is not None:
-        law = law.with_viscosity(viscosity.value)
-    own_fit = fit_press(law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
+    own_law = law if viscosity is None else law.with_viscosity(viscosity.value)
+    own_fit = fit_press(own_law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
     tilt = settings.tilt and own_fit.undetermined is None
-    spheres = sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
-    radius = sphere_radius(law.model)
+    spheres = sphere_laws(own_law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)
+    radius = sphere_radius(own_law.model)
 
     # From here on the law is that which explains the press, a theory of adhesion where one does.
-    press_law = _press_law(law, press, branch, own_fit, viscosity, settings)
-    law, fit = press_law.law, press_law.baseline_fit.fit
+    press_law = _press_law(own_law, press, branch, own_fit, viscosity, settings)
+    best_law, fit = press_law.law, press_law.baseline_fit.fit
     budget = _budget(press_law, branch, declared or Declared())
     pull = pull_off(press.retract, press.noise) if press.retract is not None else None
-    out_theories: tuple[Theory, ...] = ()
-    if pull is not None and radius is not None and press.retract is not None:
-        poisson = poisson_ratio(law.model)
-        out_theories = tuple(theories(press.retract, fit, pull, radius, poisson))
-    rise = _rise_over_depth(law, branch, fit, viscosity)
+    rise = _rise_over_depth(best_law, branch, fit, viscosity)
     return Indentation(
-        law,
+        best_law,
         press,
         branch,
         press_law.baseline_fit,
         points=contact_points(press, fit, branch),
-        secant=secant_profile(law, branch, fit, settings.bins),
-        tangent=tangent_profile(law, branch, fit, settings.windows),
+        secant=secant_profile(best_law, branch, fit, settings.bins),
+        tangent=tangent_profile(best_law, branch, fit, settings.windows),
         rise=rise,
         spheres=tuple(spheres),
         pull=pull,
-        theories=out_theories,
+        theories=_out_theories(best_law, press, fit, pull, radius),
         radius=radius,
-        flags=tuple(press_flags(law, branch, press_law.baseline_fit, budget, rise, pull)),
+        flags=tuple(press_flags(best_law, branch, press_law.baseline_fit, budget, rise, pull)),
         without_adhesion=press_law.without_adhesion,
         viscosity=viscosity,
         budget=budget,
     )
+
+
+def _out_theories(
+    law: ElasticLaw, press: Press, fit: CurveFit, pull: PullOff | None, radius: float | None
+) -> tuple[Theory, ...]:
+    """Return the theories of adhesion fitted to the way out of a sphere; none without a pull."""
+    if pull is None or radius is None or press.retract is None:
+        return ()
+    return tuple(theories(press.retract, fit, pull, radius, poisson_ratio(law.model)))
 
 
 def _best_known_viscosity(

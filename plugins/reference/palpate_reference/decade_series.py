@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from palpate import Floats
 from palpate_kit.numerics.material_laws import Complexes, LinearLaw, arm_moduli
 
 from palpate_reference.fit_problem import FitProblem, predictions
@@ -28,31 +29,41 @@ def decade_series(problem: FitProblem) -> LinearLaw | None:
 
     if any(table.kind == "creep" for table in problem.tables):
         return None
-    table_times = [
-        1.0 / (2.0 * math.pi * table.x) if table.kind == "oscillation" else table.x for table in problem.tables
-    ]
-    shortest, longest = (bound(np.concatenate(table_times)) for bound in (np.min, np.max))
-    exponents = range(math.ceil(math.log10(shortest)), math.floor(math.log10(longest)) + 1)
-    times = [10.0**exponent for exponent in exponents]
+    times = _decades(problem)
     if len(times) < _MIN_DECADES:
         return None
-
-    # Predictions are linear in the moduli: E, then one for each arm; each column is that of a modulus of 1 alone.
-    whole_law = _maxwell_law(times)
-    unit_moduli = np.eye(len(times) + 1).tolist()
-    rows = []
-    for table in problem.tables:
-        columns = [(predictions(whole_law, table, moduli, problem.poisson) / table.y).ravel() for moduli in unit_moduli]
-        rows.append(np.column_stack(columns))
-    design = np.vstack(rows)
+    design = _unit_predictions(problem, times)
     (lasting, *strengths), _ = nnls(design, np.ones(len(design)))
 
+    # The arms that count, at least for the start of a fit, which is by logarithms.
     threshold = _MIN_STRENGTH * max(lasting, *strengths)
     arms = [(time, float(strength)) for time, strength in zip(times, strengths, strict=True) if strength > threshold]
     if not arms:
         return None
     start = [max(float(lasting), float(threshold)), *(strength for _, strength in arms)]
     return _maxwell_law([time for time, _ in arms], start)
+
+
+def _decades(problem: FitProblem) -> list[float]:
+    """Return the powers of ten [s] between the shortest and the longest time of the tables; 1/omega of a frequency."""
+    times = [1.0 / (2.0 * math.pi * table.x) if table.kind == "oscillation" else table.x for table in problem.tables]
+    shortest, longest = (bound(np.concatenate(times)) for bound in (np.min, np.max))
+    exponents = range(math.ceil(math.log10(shortest)), math.floor(math.log10(longest)) + 1)
+    return [10.0**exponent for exponent in exponents]
+
+
+def _unit_predictions(problem: FitProblem, times: Sequence[float]) -> Floats:
+    """Return predictions over readings (n, 1 + arms) for a modulus of 1 Pa alone: of the spring, then of each arm.
+
+    The prediction of the whole law is linear in these.
+    """
+    law = _maxwell_law(times)
+    unit_moduli = np.eye(len(times) + 1).tolist()
+    rows = []
+    for table in problem.tables:
+        columns = [(predictions(law, table, moduli, problem.poisson) / table.y).ravel() for moduli in unit_moduli]
+        rows.append(np.column_stack(columns))
+    return np.vstack(rows)
 
 
 def _maxwell_law(times: Sequence[float], start: Sequence[float] = ()) -> LinearLaw:

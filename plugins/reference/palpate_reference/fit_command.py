@@ -92,7 +92,7 @@ def fit_material(
     typer.echo(f"written to {folder}: {MATERIAL}, fit.png", err=layout != "table")
 
 
-class _FitReport(NamedTuple):
+class _MaterialReport(NamedTuple):
     """Fits, the best first, their document, and a function that draws their figure."""
 
     fits: Sequence[AnyFit]
@@ -106,23 +106,27 @@ def _linear_report(
     scale: float,
     poisson: float,
     shift_root: Floats | None,
-) -> _FitReport:
+) -> _MaterialReport:
     """Return the report of linear laws; with a `shift_root` the first table is a master curve."""
     from palpate_reference.fit_figure import draw_fits
 
     fits = material_fits(tables, laws, scale, poisson, shift_root)
     drawn_fits = supported_fits(fits) or fits[:1]
-    return _FitReport(fits, document(fits, tables, poisson), lambda path: draw_fits(drawn_fits, tables, poisson, path))
+    return _MaterialReport(
+        fits, document(fits, tables, poisson), lambda path: draw_fits(drawn_fits, tables, poisson, path)
+    )
 
 
 def _hyperelastic_report(
     tables: Sequence[MaterialTable], laws: Sequence[str] | None, scale: float, loading: Loading | None
-) -> _FitReport:
+) -> _MaterialReport:
     """Return the report of hyperelastic laws."""
     from palpate_reference.fit_figure import draw_curves
 
     fits, curves = curve_fits(tables, laws, scale, loading), stress_curves(tables, loading)
-    return _FitReport(fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path))
+    return _MaterialReport(
+        fits, curve_document(fits, tables), lambda path: draw_curves(supported_fits(fits), curves, path)
+    )
 
 
 def _share(scale: str | None) -> float:
@@ -158,10 +162,7 @@ def material_fits(
     poisson_std = POISSON_STD if any(table.shear for table in tables) else 0.0
     scales = tuple(0.0 if table.format == "run" else scale for table in tables)
     problem = FitProblem(tuple(tables), poisson, poisson_std, scales, shift_root)
-    laws = [law for law in LAWS if not names or law.name in names]
-    series = decade_series(problem) if not names or DECADES in names else None
-    if series is not None:
-        laws.append(series)
+    laws = _selected_laws(names or law_names, problem)
     fits = [fit_law(law, problem) for law in laws]
     ordered = sorted((fit for fit in fits if fit is not None), key=lambda fit: fit.bic)
     if not ordered:
@@ -169,6 +170,13 @@ def material_fits(
             f"{problem.count} readings are too few for every law, or of a kind that it cannot have"
         )
     return ordered
+
+
+def _selected_laws(names: Sequence[str], problem: FitProblem) -> list[LinearLaw]:
+    """Return the laws of these names; the series of decades depends on the tables, which may have none."""
+    laws = [law for law in LAWS if law.name in names]
+    series = decade_series(problem) if DECADES in names else None
+    return laws if series is None else [*laws, series]
 
 
 def curve_fits(

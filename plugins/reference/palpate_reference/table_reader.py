@@ -74,12 +74,27 @@ def _kind(text: InstrumentText, block: TableBlock, columns: Mapping[str, TableCo
     if not has_both:
         return None
 
-    # Strain and stress: a step of the one that is held, else a curve. Some programs write J and G(t) of any step.
+    return _step_or_curve(text, block, columns, has_time, flows="flow" in filled, has_response=bool(over_time))
+
+
+def _step_or_curve(
+    text: InstrumentText,
+    block: TableBlock,
+    columns: Mapping[str, TableColumn],
+    has_time: bool,
+    *,
+    flows: bool,
+    has_response: bool,
+) -> Kind | None:
+    """Return the kind of a table with strain and stress: a step of the one that is held, or a curve; None of a fluid.
+
+    `flows`: the table has a shear rate or a viscosity. `has_response`: it has J and G(t), which some programs write of
+    any step.
+    """
     spreads = {role: _relative_spread(si_values(text, block, columns[role])) for role in _KIND_OF_HELD}
     steadier = min(spreads, key=spreads.__getitem__)  # of a stiff solid both are steady: the held one is so by control
-    flows = "flow" in filled
     is_step = has_time and bool(constant_rows(text, block, columns[steadier]).any())
-    if is_step and (over_time or not (flows and steadier == "stress")):
+    if is_step and (has_response or not (flows and steadier == "stress")):
         return _KIND_OF_HELD[steadier]
     return "stress-strain" if len(block.rows) > 1 and not flows else None
 

@@ -55,6 +55,7 @@ class SimulatedRig:
     """Arm, specimen and sensor in MuJoCo's time, which keeps pace with that of the wall."""
 
     def __init__(self, bench: BenchSettings, model: ArmModel, joints: Sequence[float], seed: int) -> None:
+        """Start the simulator with the arm at joints (7,) [rad], its server and the sensor; raises DeviceError."""
         self._bench, self._model, self._sim = bench, model, MujocoSimulator()
         self._sim.init()
         # The simulator's own tool weighs what its model of the robot knows of; its fingers would be in the specimen.

@@ -155,11 +155,11 @@ def _table_fit(problem: _CurveProblem, x: Floats, normal: Floats, scale: float) 
     count, row_count = len(x), len(residual)
     parts = np.split(residual, np.cumsum([len(curve.x) for curve in problem.curves])[:-1])
     power = float(residual @ residual)
-    product = float(sum(part[1:] @ part[:-1] for part in parts))
-    correlation = min(max(product / power, 0.0), MAX_CORRELATION) if power > 0 else 0.0
+    correlation = _autocorrelation(parts, power)
     variance = power / (row_count - count) * (1.0 + correlation) / (1.0 - correlation)
     by_scatter = variance * scaled_inverse(normal[1:, 1:]) * np.outer(sizes, sizes)
 
+    # The error of the scale moves all moduli alike, and no exponent.
     values = x * sizes
     is_exponent = [unit == "1" for _, unit in law.parameters]
     by_scale = scale * np.where(is_exponent, 0.0, values)
@@ -182,3 +182,9 @@ def _table_fit(problem: _CurveProblem, x: Floats, normal: Floats, scale: float) 
         autocorrelation=correlation,
         undetermined=tuple(name for (name, _), loose in zip(law.parameters, is_loose, strict=True) if loose),
     )
+
+
+def _autocorrelation(parts: Sequence[Floats], power: float) -> float:
+    """Return the autocorrelation of neighbouring residuals of each curve, 0 at least, by their sum of squares."""
+    product = float(sum(part[1:] @ part[:-1] for part in parts))
+    return min(max(product / power, 0.0), MAX_CORRELATION) if power > 0 else 0.0

@@ -95,25 +95,26 @@ def _wlf(curve: MasterCurve) -> ShiftLaw | None:
         return None
     min_c2 = max(reference - float(curve.temperatures.min()), 0.0) + _MIN_MARGIN
 
-    def log_shift(t: Floats, constants: Floats) -> Floats:
-        """Return ln a_T (n,) at temperatures (n,) [°C], by C1 and C2 [K]."""
-        c1, c2 = constants
-        return np.asarray(-math.log(10.0) * c1 * (t - reference) / (c2 + (t - reference)), np.float64)
-
     low, high = np.array([0.0, min_c2]), np.array([_MAX_CONSTANT, _MAX_CONSTANT])
-    normal = normal_by_differences(lambda x: whitening @ (log_shift(temperature, x) - shift), high)
+    normal = normal_by_differences(lambda x: whitening @ (_wlf_shift(temperature - reference, x) - shift), high)
     starts = [np.array([c1, min_c2 + c2]) for c1 in _START_C1 for c2 in _START_C2]
     minima = [least_squares(normal, start, low, high, gain=_GAIN) for start in starts]
     best = min(minima, key=lambda minimum: minimum.cost)
     covariance = scaled_inverse(normal(best.x)[1:, 1:])
 
     def predicted(t: Floats) -> Floats:
-        return log_shift(t, best.x)
+        return _wlf_shift(t - reference, best.x)
 
     chi2, deviation = _distance(predicted(temperature) - shift, whitening)
     c1_std, c2_std = (_widened(math.sqrt(max(variance, 0.0)), chi2, freedom) for variance in np.diag(covariance))
     values = {"C1": (float(best.x[0]), c1_std, "1"), "C2": (float(best.x[1]), c2_std, "K")}
     return ShiftLaw("WLF", "log10 a_T = -C1 (T - T_0)/(C2 + T - T_0)", values, chi2, freedom, deviation, predicted)
+
+
+def _wlf_shift(difference: Floats, constants: Floats) -> Floats:
+    """Return ln a_T (n,) at temperatures less that of the reference (n,) [K], by C1 and C2 [K]."""
+    c1, c2 = constants
+    return np.asarray(-math.log(10.0) * c1 * difference / (c2 + difference), np.float64)
 
 
 def _distance(error: Floats, whitening: Floats) -> tuple[float, float]:
