@@ -134,6 +134,7 @@ def _turning_rows(height: Floats) -> tuple[int, int, int]:
     The way down ends where the tip, in the lower half of its travel, moves up again by more than 5 % of the travel; the
     way out ends where it moves down again by as much.
     """
+    # The way down ends at the deepest reading before the first reversal.
     travel = float(np.ptp(height))
     lowest_before = np.minimum.accumulate(height)
     in_lower_half = height.max() - lowest_before > 0.5 * travel
@@ -142,6 +143,7 @@ def _turning_rows(height: Floats) -> tuple[int, int, int]:
     deepest_row = int(np.argmin(height[:down_stop]))
     top_row = int(np.argmax(height[: deepest_row + 1]))
 
+    # The way out ends at the highest reading before the next way down.
     out_height = height[deepest_row:]
     next_descents = np.flatnonzero(np.maximum.accumulate(out_height) - out_height > _REVERSAL * travel)
     out_stop = int(next_descents[0]) + 1 if len(next_descents) else len(out_height)

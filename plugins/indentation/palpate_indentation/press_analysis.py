@@ -91,9 +91,10 @@ def analyse_press(
     viscosity: PressViscosity | None = None,
     declared: Declared | None = None,
 ) -> Indentation:
-    """Return the analysis of a press; raises LogError where nothing fits.
+    """Return the analysis of a press by a law of its material; raises LogError, with the record's name, if none fits.
 
-    The viscosity is the one that was stated, or else `viscosity`, or else the one that the press itself shows.
+    The viscosity is the one that was stated, or else `viscosity`, that of the run, or else that of the press itself.
+    `declared` are the uncertainties of readings, tip and model.
     """
     branch = press.approach
     if settings.retract:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import BudgetRow, ConfigurationError, Effect, Term
+from palpate import BudgetRow, ConfigurationError, Effect
 from palpate_engine import AlignmentSettings
 from palpate_kit.budget.force_sensitivity import Along, at_samples
 from palpate_kit.budget.systematic_terms import source_terms, systematic_terms
@@ -38,7 +38,7 @@ def modulus_row(
 def declared_rows(law: ElasticLaw, branch: Branch, fit: CurveFit, declared: Declared) -> Iterator[BudgetRow]:
     """Yield a row for everything that is declared, or has a default.
 
-    None where the fit is not in contact. Raises ConfigurationError for an invalid uncertainty.
+    Yields nothing where no reading of the fit is in contact. Raises ConfigurationError for an invalid uncertainty.
     """
     try:
         sources = sources_of(law.model, declared.uncertainties or {})
@@ -47,13 +47,14 @@ def declared_rows(law: ElasticLaw, branch: Branch, fit: CurveFit, declared: Decl
     sensitivity = _sensitivity(law, branch, fit)
     if sensitivity is None:
         return
-    # A force that is late by tau reads too little by tau dF/dt.
-    delay_shifts, settings = sensitivity.shifts(-sensitivity.change), declared.alignment
+    # A force that is late by tau reads too little by tau dF/dt: shifts of the unknowns for 1 s.
+    delay_shifts = sensitivity.shifts(-sensitivity.change)
+    settings = declared.alignment
     if settings is not None and delay_shifts is not None:
         timing = settings.timing_uncertainty
         terms = systematic_terms(sensitivity, delay_shifts, timing, settings, report=None, sources=sources)
     else:
-        terms = list[Term](source_terms(sensitivity, sources))
+        terms = list(source_terms(sensitivity, sources))
     for term in terms:
         # The first shift is that of the modulus.
         yield replace(term, shifts=term.shifts[:1]).row({law.name: fit.modulus})

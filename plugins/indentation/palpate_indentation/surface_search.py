@@ -41,7 +41,12 @@ class LinearModel:
     @property
     def unknown_names(self) -> list[str]:
         """Names (k,) of the unknowns, after which the fields of `CurveFit` are called."""
-        return ["modulus", "offset", *(["tilt"] * self.tilt), *(["viscosity"] * self.viscous)]
+        names = ["modulus", "offset"]
+        if self.tilt:
+            names.append("tilt")
+        if self.viscous:
+            names.append("viscosity")
+        return names
 
     def columns_at(self, surface: float, adhesion_factor: float = 1.0) -> tuple[Floats, Floats]:
         """Return the columns (n, k) at a surface [m], and the force (n,) [N] less that of the held parameters.
@@ -68,9 +73,12 @@ class LinearModel:
         max_rate = float(np.max(np.abs(self.branch.rate)))
         travel = float(np.ptp(self.branch.height))
         modulus_size = max(abs(modulus), _MIN_SIZE)
-        tilt_size = [force_range / travel] * self.tilt
-        viscosity_size = [modulus_size * travel / max(max_rate, _MIN_SIZE)] * self.viscous
-        return np.array([modulus_size, force_range, *tilt_size, *viscosity_size])
+        sizes = [modulus_size, force_range]
+        if self.tilt:
+            sizes.append(force_range / travel)
+        if self.viscous:
+            sizes.append(modulus_size * travel / max(max_rate, _MIN_SIZE))
+        return np.array(sizes)
 
 
 @dataclass(frozen=True)
@@ -107,6 +115,7 @@ def _grid(branch: Branch) -> Floats:
 
 
 def _surface_candidate(model: LinearModel, surface: float) -> SurfaceCandidate:
+    """Return the linear unknowns that fit best at a surface [m]; a modulus below 0 does not count."""
     solution = linear_part(*model.columns_at(surface))
     squares = solution.squares if solution.unknowns[0] > 0 else np.inf
     return SurfaceCandidate(squares, solution.unknowns, surface)

@@ -132,6 +132,7 @@ def _is_one_law(
     count = len(way_in) + len(way_out)
     log_rise_both = np.log(_squares(both_ways) / (in_squares + out_squares))
     log_rise_in = np.log(in_squares / in_squares_without)
+    # Very strong evidence is 10 of BIC; two laws have a modulus, a surface and a baseline more.
     explains_both = count * log_rise_both <= _MIN_BIC_DIFFERENCE + _ADDED_UNKNOWNS * np.log(count)
     explains_way_in = len(way_in) * log_rise_in <= _MIN_BIC_DIFFERENCE
     return bool(explains_both and explains_way_in)
