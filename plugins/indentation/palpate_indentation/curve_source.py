@@ -75,12 +75,10 @@ def _model_name(models: Mapping[str, ContactModel], requested: str | None, place
     """Return the requested model, or the only one; raises ConfigurationError for any other."""
     if requested is None and len(models) == 1:
         return next(iter(models))
-    if requested is None or requested not in models:
-        if requested is None:
-            remedy = "choose a model with --model"
-        else:
-            remedy = f"no [model.{requested}]{suggest(requested, models)}"
-        raise ConfigurationError(f"{place}: {remedy} (there are: {', '.join(models) or 'none'})")
+    if requested is None:
+        raise ConfigurationError(f"{place}: choose a model with --model (there are: {', '.join(models) or 'none'})")
+    if requested not in models:
+        raise ConfigurationError(f"{place}: no [model.{requested}]{suggest(requested, models)}")
     return requested
 
 
