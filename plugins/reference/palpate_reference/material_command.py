@@ -29,8 +29,8 @@ def material(
 ) -> None:
     """Print what tables of a material hold, and how they are read: TRIOS, RheoCompass, any CSV with a header.
 
-    Nothing is guessed: what a table does not state is asked for. `palpate material fit` fits laws to them, `palpate material
-    agree --reference FILE` compares runs with them.
+    Nothing is guessed: what a table does not state is asked for. `palpate material fit` fits laws to them,
+    `palpate material agree --reference FILE` compares runs with them.
     """
     settings = table_settings(units, modulus, columns)
     tables = [table for path in files for table in read_tables(path, settings)]
