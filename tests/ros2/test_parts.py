@@ -94,7 +94,7 @@ def test_topics_of_one_clock_keep_what_lies_between_them():
         fast.append(clock.to_host("/fast", rows, rows + apart + MS // 10))
         slow.append(clock.to_host("/slow", rows, rows + apart + 3 * MS))
     assert np.abs(np.concatenate(fast) - np.concatenate(slow))[100:].max() < 1000  # [ns]
-    assert clock.apart == ("/fast", "/slow", pytest.approx(2.9e-3))
+    assert clock.delay_range == ("/fast", "/slow", pytest.approx(2.9e-3))
     clock.to_host("/fast", stamps[:1], np.array([apart * 9]))
     assert clock.restarts == 1
 
@@ -155,16 +155,16 @@ def test_a_clock_that_is_set_back_has_lost_nothing():
 
 def test_the_first_of_two_publishers_is_read_until_it_falls_silent():
     publisher = Publisher()
-    assert [publisher.takes(w, k * MS) for k, w in enumerate([1, 1, 2, 1, 2])] == [True, True, False, True, False]
-    assert not publisher.takes(2, 400 * MS)
-    assert publisher.takes(2, 600 * MS)
+    assert [publisher.accepts(w, k * MS) for k, w in enumerate([1, 1, 2, 1, 2])] == [True, True, False, True, False]
+    assert not publisher.accepts(2, 400 * MS)
+    assert publisher.accepts(2, 600 * MS)
     assert (publisher.changes, publisher.ignored) == (1, 3)
-    publisher.left(2)
-    assert publisher.takes(3, 601 * MS)
+    publisher.note_departure(2)
+    assert publisher.accepts(3, 601 * MS)
 
 
 def test_publishers_of_parts_are_all_read():
-    assert all(Publisher(many=True).takes(writer, writer) for writer in (1, 2, 3))
+    assert all(Publisher(accepts_all=True).accepts(writer, writer) for writer in (1, 2, 3))
 
 
 def test_a_reading_beyond_a_limit_is_counted_with_the_farthest():

@@ -195,11 +195,11 @@ def test_a_limit_is_flagged_and_alarmed_and_stops_nothing(publish, domain):
         device(domain, limits=limits, alarm=alarm).connect(0) as link,
     ):
         _, _, values = heard(link, 1.8)
-        said = hear(source, {}, 1.0, lambda heard: False)
+        snapshot = hear(source, {}, 1.0, is_complete=lambda snapshot: False)
         flags = link.health["flags"]
     assert values[-1, 0] > 700  # nothing was stopped
     assert list(flags) == ["ros2-limit"]
-    assert [messages.payload(0)[4] for _, messages in said.blocks({alarm})] == [1]  # true
+    assert [messages.payload(0)[4] for _, messages in snapshot.blocks({alarm})] == [1]  # true
 
 
 @pytest.mark.slow

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, str]:
-    """Topics of a running system."""
+    """Return the device that reads topics of a running system."""
     return {"ros2": "palpate_ros2.device:Ros2Device"}
 
 
 @plugin
 def palpate_sinks() -> dict[str, str]:
-    """Results as topics."""
+    """Return the sink that publishes results as topics."""
     return {"ros2": "palpate_ros2.sink:Ros2Sink"}
 
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """Flags on topics of a ROS 2 system."""
+    """Return the flags on topics of a ROS 2 system."""
     return {
         "ros2-limit": FlagMeaning(
             "doubtful",

@@ -10,17 +10,18 @@ from palpate_records.messages.definitions import PRIMITIVES, Definitions, Field,
 
 from palpate_ros2.names import dds_type
 
-_SAME = {"byte": "uint8", "char": "uint8"}
+_UNSIGNED_BYTES = {"byte": "uint8", "char": "uint8"}  # aliases of ROS 2
 
 
 @cache
 def message_class(type_name: str, definition: str) -> Any:
     """Return the class of a message type for cyclonedds; raises LogError where the definition is invalid.
 
-    Its messages are not taken apart: `data` is what came or is to go, encapsulation included, as a bag would hold it.
+    Its messages are not decoded: `data` is the bytes that were received or are to be sent, with their encapsulation, as
+    in a bag.
     """
     definitions = parse_definitions(type_name, definition)
-    struct = _struct(short_name(type_name), definitions, {})
+    struct = _idl_struct(short_name(type_name), definitions, {})
 
     def deserialize(cls: Any, data: bytes) -> Any:
         message = cls.__new__(cls)
@@ -38,33 +39,35 @@ def message_class(type_name: str, definition: str) -> Any:
     return struct
 
 
-def _struct(name: str, definitions: Definitions, done: dict[str, Any]) -> Any:
-    """Return an IdlStruct of one type, and of all types in it."""
+def _idl_struct(type_name: str, definitions: Definitions, structs: dict[str, Any]) -> Any:
+    """Return the IdlStruct of a type; adds it and those of the types in it to `structs`, by type name."""
     from cyclonedds.idl import IdlStruct
 
-    if name not in done:
-        fields = [(field.name, _annotation(field, definitions, done)) for field in definitions[name]]
-        # An empty message has one byte, in ROS 2 as here: a structure of nothing is not allowed.
-        fields = fields or [("structure_needs_at_least_one_member", _annotation(Field("", "uint8"), {}, {}))]
-        made: Any = make_dataclass(name.rpartition("/")[2], fields, bases=(IdlStruct,))
-        made.__idl_typename__ = dds_type(name)
-        made.__idl__.idl_transformed_typename = dds_type(name)
-        done[name] = made
-    return done[name]
+    if type_name not in structs:
+        fields = [(field.name, _annotation(field, definitions, structs)) for field in definitions[type_name]]
+        if not fields:  # IDL has no empty structure; ROS 2 puts this field of one byte into one
+            fields = [("structure_needs_at_least_one_member", _annotation(Field("", "uint8"), {}, {}))]
+        struct: Any = make_dataclass(type_name.rpartition("/")[2], fields, bases=(IdlStruct,))
+        struct.__idl_typename__ = dds_type(type_name)
+        struct.__idl__.idl_transformed_typename = dds_type(type_name)
+        structs[type_name] = struct
+    return structs[type_name]
 
 
-def _annotation(field: Field, definitions: Definitions, done: dict[str, Any]) -> Any:
+def _annotation(field: Field, definitions: Definitions, structs: dict[str, Any]) -> Any:
+    """Return the type annotation by which cyclonedds knows a field."""
     from cyclonedds.idl import types as idl_types
 
     types: Any = idl_types
+    element: Any
     if field.type in ("string", "wstring"):
-        kind: Any = str
+        element = str
     elif field.type == "bool":
-        kind = bool
+        element = bool
     elif field.type in PRIMITIVES:
-        kind = getattr(types, _SAME.get(field.type, field.type))
+        element = getattr(types, _UNSIGNED_BYTES.get(field.type, field.type))
     else:
-        kind = _struct(field.type, definitions, done)
+        element = _idl_struct(field.type, definitions, structs)
     if not field.many:
-        return kind
-    return types.sequence[kind] if field.count is None else types.array[kind, field.count]
+        return element
+    return types.sequence[element] if field.count is None else types.array[element, field.count]

@@ -26,11 +26,11 @@ from palpate_ros2.network import Middleware, Network, demand_reachable
 from palpate_ros2.publisher_statistics import CommonClock
 from palpate_ros2.topic_snapshot import TopicSnapshot
 
-_NAMES = 1.0  # [s] that joints and frames may take to be named after the first message
+_NAMING_TIME = 1.0  # [s], a choice: messages that name joints and frames may be so much later than the first
 
 
 class WatchedRange(Settings):
-    """What readings of a channel should be, in its unit."""
+    """Range that readings of a channel should be in, in its unit."""
 
     least: float | str | None = Field(default=None, description='such as "-8 mm"')
     greatest: float | str | None = Field(default=None, description='such as "20 N"')
@@ -98,136 +98,155 @@ class Ros2Device(Device):
 
     @field_validator("types")
     @classmethod
-    def _readable(cls, value: dict[str, str]) -> dict[str, str]:
-        for name, text in value.items():
-            if name.count("/") != 2:
+    def _parse_types(cls, types: dict[str, str]) -> dict[str, str]:
+        for name, definition in types.items():
+            if name.count("/") != 2:  # package/msg/Name
                 raise ValueError(f'{name!r} is not a type: give it as "package/msg/Name"')
             try:
-                parse_definitions(name, text)
+                parse_definitions(name, definition)
             except LogError as error:
                 raise ValueError(str(error)) from error
-        return value
+        return types
 
     @model_validator(mode="after")
-    def _something(self) -> Self:
+    def _demand_streams(self) -> Self:
         if not self.signals and self.kinematics is None:
             raise ValueError("give signals: which numbers of which topics are the channels")
         names = [stream.name for stream in self.streams]
-        if twice := next((name for name in names if names.count(name) > 1), None):
+        duplicates = [name for name in names if names.count(name) > 1]
+        if duplicates:
             raise ValueError(
-                f"two streams would be {twice!r}; the kinematics make tip and twist: name others in topics"
+                f"two streams would be {duplicates[0]!r}; the kinematics make tip and twist: name others in topics"
             )
         return self
 
     @model_validator(mode="after")
-    def _reachable(self) -> Self:
+    def _check_addresses(self) -> Self:
         demand_reachable(self.middleware, self.interface, self.peers)
         return self
 
     @model_validator(mode="after")
-    def _limits_of_channels(self) -> Self:
+    def _check_limits(self) -> Self:
         if self.alarm is not None and not self.limits:
             raise ValueError("alarm needs limits")
-        self._bounds  # noqa: B018  raises for an invalid limit
+        self._bounds  # noqa: B018  computes the bounds, which raises ValueError for an invalid limit
         return self
 
     @cached_property
     def _bounds(self) -> list[LimitBounds]:
-        """The limits in SI, each with its stream and column; raises ValueError."""
-        places = {}
-        for stream in self.streams:
-            for column, channel in enumerate(stream.channels):
-                for name in (
-                    f"{stream.name}.{channel.name}",
-                    *([channel.name] if channel.name in self.signals else []),
-                ):
-                    places[name] = stream.name, column, channel.unit
-        found = []
-        for name, ends in self.limits.items():
-            if name not in places:
-                raise ValueError(f"limits: no channel {name!r} (there are: {', '.join(places)})")
-            stream_name, column, unit = places[name]
-            low = -inf if ends.least is None else to_si(ends.least, unit)
-            high = inf if ends.greatest is None else to_si(ends.greatest, unit)
+        """The limits in SI, each with its stream and column; raises ValueError for an invalid limit."""
+        channels = self._channels_by_name()
+        bounds = []
+        for name, limits in self.limits.items():
+            if name not in channels:
+                raise ValueError(f"limits: no channel {name!r} (there are: {', '.join(channels)})")
+            stream_name, column, unit = channels[name]
+            low = -inf if limits.least is None else to_si(limits.least, unit)
+            high = inf if limits.greatest is None else to_si(limits.greatest, unit)
             if not low < high:
                 raise ValueError(f"limits: of {name!r} the least is not below the greatest")
-            found.append(LimitBounds(name, stream_name, column, unit, low, high))
-        return found
+            bounds.append(LimitBounds(name, stream_name, column, unit, low, high))
+        return bounds
+
+    def _channels_by_name(self) -> dict[str, tuple[str, int, str]]:
+        """Return stream, column and unit of each channel, by ``stream.channel`` and, if it is a signal, by its name."""
+        channels = {}
+        for stream in self.streams:
+            for column, channel in enumerate(stream.channels):
+                entry = (stream.name, column, channel.unit)
+                channels[f"{stream.name}.{channel.name}"] = entry
+                if channel.name in self.signals:
+                    channels[channel.name] = entry
+        return channels
 
     @property
     def live(self) -> bool:
-        """It sends in real time."""
+        """True: it sends in real time."""
         return True
 
     @classmethod
     def system_at(cls, address: str) -> SystemSurvey | None:
-        """Return the domain at ``ros2://DOMAIN``, with its keys."""
+        """Return the system at an address ``ros2://DOMAIN``; None for an address of another kind."""
         from palpate_ros2.domain_survey import address_of
 
         return address_of(address)
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """A stream for each mapped topic, and those of the tip."""
+        """The streams: one for each mapped topic, and those of the tip."""
         mapped = [group.stream for group in mapped_streams(self._signals)]
         tip = self.kinematics.streams if self.kinematics is not None else ()
         return tuple(replace(stream, clock="host") for stream in (*mapped, *tip))
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """The domain."""
+        """Domain and middleware."""
         return {"domain": str(self.domain), "middleware": "cyclonedds" if self.middleware == "dds" else self.middleware}
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The topics, once all of them are found and as they are described."""
+        """Yield the link, once all topics are found; raises DeviceError or LogError where they are not as described."""
         name = f"ros2://{self.domain}"
         with listener(name, self.network, self._topics, self.types, self.alarm) as source:
-            feeds = self._found(source, name)
+            feeds = self._feeds(source, name)
+            limits = [Limit(bound) for bound in self._bounds]
             common = CommonClock() if self.clocks == "one" else None
-            yield Ros2Link(source, feeds, name, self.listen, [Limit(bound) for bound in self._bounds], common)
+            yield Ros2Link(source, feeds, name, self.listen, limits, common)
 
     @property
     def network(self) -> Network:
-        """How to reach the others."""
-        reliable = self.reliability == "reliable"
-        return Network(self.domain, self.interface, self.peers, reliable, self.history, self.middleware)
+        """The network of the settings."""
+        return Network(
+            domain=self.domain,
+            interface=self.interface,
+            peers=self.peers,
+            reliable=self.reliability == "reliable",
+            history=self.history,
+            middleware=self.middleware,
+        )
 
     @cached_property
     def _signals(self) -> dict[str, MappedSignal]:
-        """The signals with whole topics."""
-        found = {}
+        """The signals, their topics with the namespace."""
+        signals = {}
         for name, signal in self.signals.items():
             changes: dict[str, object] = {"topic": resolve_name(signal.topic, self.namespace)}
             if isinstance(signal.orientation, Orientation):
                 topic = resolve_name(signal.orientation.topic, self.namespace)
                 changes["orientation"] = signal.orientation.model_copy(update={"topic": topic})
-            found[name] = signal.model_copy(update=changes)
-        return found
+            signals[name] = signal.model_copy(update=changes)
+        return signals
 
     @cached_property
     def _kinematics(self) -> Kinematics | None:
-        robot = self.kinematics
-        return robot and robot.model_copy(update={"topic": resolve_name(robot.topic, self.namespace)})
+        """The kinematics, their topic with the namespace."""
+        if self.kinematics is None:
+            return None
+        topic = resolve_name(self.kinematics.topic, self.namespace)
+        return self.kinematics.model_copy(update={"topic": topic})
 
     @cached_property
     def _topics(self) -> list[str]:
+        """The topics to subscribe to, each once: of signals, of their orientations, and of the joints."""
         signals = self._signals.values()
-        turning = [s.orientation.topic for s in signals if isinstance(s.orientation, Orientation)]
-        tip = [self._kinematics.topic] if self._kinematics is not None else []
-        return list(dict.fromkeys([*(signal.topic for signal in signals), *turning, *tip]))
+        topics = [signal.topic for signal in signals]
+        topics += [signal.orientation.topic for signal in signals if isinstance(signal.orientation, Orientation)]
+        if self._kinematics is not None:
+            topics.append(self._kinematics.topic)
+        return list(dict.fromkeys(topics))
 
-    def _found(self, source: Listener, name: str) -> list[TopicFeed]:
-        """Return the feeds of topics that are there; raises DeviceError or LogError where they are not as described."""
-        wanted = set(self._topics)
-        heard = hear(source, self.types, self.patience, lambda heard: wanted <= heard.filled)
-        refuse_missing(source, heard, self._topics, name, self.patience)
+    def _feeds(self, source: Listener, name: str) -> list[TopicFeed]:
+        """Return the feeds of the topics; raises DeviceError or LogError where they are not as described."""
+        topics = set(self._topics)
+        snapshot = hear(source, self.types, self.patience, is_complete=lambda snapshot: topics <= snapshot.filled)
+        refuse_missing(source, snapshot, self._topics, name, self.patience)
         try:
-            feeds = self._described(heard, name)
-        except LogError:  # joints and frames may come in other messages than the first
-            more = hear(source, self.types, _NAMES, lambda heard: False)
-            feeds = self._described(more if wanted <= more.filled else heard, name)
+            feeds = self._described_feeds(snapshot, name)
+        except LogError:  # joints and frames may be named by later messages than the first
+            later = hear(source, self.types, _NAMING_TIME, is_complete=lambda snapshot: False)
+            feeds = self._described_feeds(later if topics <= later.filled else snapshot, name)
         return [replace(feed, stream=replace(feed.stream, clock="host")) for feed in feeds]
 
-    def _described(self, heard: TopicSnapshot, name: str) -> list[TopicFeed]:
-        return described_feeds(heard, self._signals, self._kinematics, self.time, name)
+    def _described_feeds(self, snapshot: TopicSnapshot, name: str) -> list[TopicFeed]:
+        """Return the feeds by the messages of a snapshot; raises LogError where they are not as described."""
+        return described_feeds(snapshot, self._signals, self._kinematics, self.time, name)

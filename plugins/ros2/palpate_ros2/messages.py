@@ -1,4 +1,9 @@
-"""Messages of standard types that palpate publishes, packed as CDR, little-endian."""
+"""Messages of standard types that palpate publishes, packed as CDR, little-endian.
+
+CDR is the encoding of DDS (OMG, DDSI-RTPS). Numbers are aligned to their size, counted from behind the encapsulation. A
+string is its length with the closing zero [bytes] (uint32), then its characters. A sequence is its length (uint32),
+then its elements.
+"""
 
 from __future__ import annotations
 
@@ -11,44 +16,44 @@ from palpate import Flag, Floats
 
 VECTOR, DIAGNOSTICS = "geometry_msgs/msg/Vector3Stamped", "diagnostic_msgs/msg/DiagnosticArray"
 _SECOND = 1_000_000_000  # [ns]
-_FLOAT32 = 7  # of sensor_msgs/PointField
-_LEVELS = {"note": 1, "doubtful": 1, "invalid": 2}  # OK 0, WARN 1, ERROR 2
+_ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR, little-endian, no options
+_FLOAT32 = 7  # by sensor_msgs/PointField
+_FLOAT32_SIZE = 4  # [bytes]
+_OK, _WARN, _ERROR = 0, 1, 2  # by diagnostic_msgs/DiagnosticStatus
+_LEVELS = {"note": _WARN, "doubtful": _WARN, "invalid": _ERROR}
 
 
 class Cdr:
-    """A message in the making; alignment counts from behind the encapsulation."""
+    """Encoder of one message."""
 
     def __init__(self) -> None:
         self._data = bytearray()
 
     def put(self, code: str, *values: float) -> Cdr:
-        """Numbers of one kind, each aligned to its size."""
+        """Append numbers of one type, each aligned to its size; `code` is the type's code in `struct`."""
         size = struct.calcsize(code)
         for value in values:
             self._data += bytes(-len(self._data) % size) + struct.pack("<" + code, value)
         return self
 
-    def text(self, words: str) -> Cdr:
-        """Return a string with its closing zero."""
-        raw = words.encode() + b"\0"
-        self.put("I", len(raw))
-        self._data += raw
-        return self
+    def text(self, text: str) -> Cdr:
+        """Append a string."""
+        return self.block(text.encode() + b"\0")
 
     def block(self, raw: bytes) -> Cdr:
-        """Return a sequence of bytes."""
+        """Append a sequence of bytes."""
         self.put("I", len(raw))
         self._data += raw
         return self
 
     def header(self, stamp: int, frame: str) -> Cdr:
-        """std_msgs/Header at a time [ns]."""
+        """Append a std_msgs/Header: time `stamp` [ns] and frame_id."""
         return self.put("i", stamp // _SECOND).put("I", stamp % _SECOND).text(frame)
 
     @property
     def message(self) -> bytes:
-        """All of it."""
-        return b"\x00\x01\x00\x00" + bytes(self._data)
+        """The encoded message, with its encapsulation."""
+        return _ENCAPSULATION + bytes(self._data)
 
 
 def legal_name(text: str) -> str:
@@ -62,36 +67,47 @@ def legal_name(text: str) -> str:
 
 
 def pack_vector_stamped(stamp: int, frame: str, numbers: Sequence[float]) -> tuple[str, bytes]:
-    """geometry_msgs/Vector3Stamped of three numbers."""
+    """Return the type and the bytes of a geometry_msgs/Vector3Stamped of three numbers; `stamp` [ns]."""
     return VECTOR, Cdr().header(stamp, frame).put("d", *numbers).message
 
 
 def boolean(value: bool) -> tuple[str, bytes]:
-    """std_msgs/Bool."""
+    """Return the type and the bytes of a std_msgs/Bool."""
     return "std_msgs/msg/Bool", Cdr().put("B", value).message
 
 
 def cloud(stamp: int, frame: str, names: Sequence[str], points: Floats) -> tuple[str, bytes]:
-    """sensor_msgs/PointCloud2 of points (n, k), each column a float32 field of its own."""
-    count, width = points.shape
-    cdr = Cdr().header(stamp, frame).put("I", 1, count, width)
-    for k, name in enumerate(names):
-        cdr.text(name).put("I", 4 * k).put("B", _FLOAT32).put("I", 1)
-    cdr.put("B", 0).put("I", 4 * width, 4 * width * count)
-    cdr.block(np.ascontiguousarray(points, "<f4").tobytes()).put("B", 1)
+    """Return the type and the bytes of a sensor_msgs/PointCloud2 of points (n, k); `stamp` [ns].
+
+    Each column is a float32 field with the name of `names` (k). The message has header, height, width, fields,
+    is_bigendian, point_step [bytes], row_step [bytes], data and is_dense.
+    """
+    point_count, field_count = points.shape
+    point_step = _FLOAT32_SIZE * field_count
+    cdr = Cdr().header(stamp, frame).put("I", 1, point_count)
+    # Of each field: name, offset [bytes], type, number of elements.
+    cdr.put("I", field_count)
+    for column, name in enumerate(names):
+        cdr.text(name).put("I", _FLOAT32_SIZE * column).put("B", _FLOAT32).put("I", 1)
+    is_bigendian, is_dense = False, True
+    cdr.put("B", is_bigendian).put("I", point_step, point_step * point_count)
+    cdr.block(np.ascontiguousarray(points, "<f4").tobytes()).put("B", is_dense)
     return "sensor_msgs/msg/PointCloud2", cdr.message
 
 
 def diagnostics(stamp: int, flags: Mapping[str, Sequence[Flag]]) -> tuple[str, bytes]:
-    """diagnostic_msgs/DiagnosticArray with one status for each track and each of its flags."""
-    entries = [(track, flag) for track, found in flags.items() for flag in found]
-    clean = [track for track, found in flags.items() if not found]
-    cdr = Cdr().header(stamp, "").put("I", len(entries) + len(clean))
-    for track in clean:
-        cdr.put("B", 0).text(f"palpate: {track}").text("no flags").text("palpate").put("I", 0)
-    for track, flag in entries:
-        cdr.put("B", _LEVELS.get(flag.severity or "doubtful", 1)).text(f"palpate: {track}: {flag.code}").text(
-            flag.message
-        )
-        cdr.text("palpate").put("I", 1).text("severity").text(flag.severity or "doubtful")
+    """Return the type and the bytes of a diagnostic_msgs/DiagnosticArray of the flags by track; `stamp` [ns].
+
+    A track has one DiagnosticStatus for each of its flags, and one of level OK if it has none. A status has level,
+    name, message, hardware_id and key-value pairs.
+    """
+    clean_tracks = [track for track, track_flags in flags.items() if not track_flags]
+    flagged = [(track, flag) for track, track_flags in flags.items() for flag in track_flags]
+    cdr = Cdr().header(stamp, "").put("I", len(flagged) + len(clean_tracks))
+    for track in clean_tracks:
+        cdr.put("B", _OK).text(f"palpate: {track}").text("no flags").text("palpate").put("I", 0)
+    for track, flag in flagged:
+        severity = flag.severity or "doubtful"
+        cdr.put("B", _LEVELS.get(severity, _WARN)).text(f"palpate: {track}: {flag.code}").text(flag.message)
+        cdr.text("palpate").put("I", 1).text("severity").text(severity)
     return DIAGNOSTICS, cdr.message

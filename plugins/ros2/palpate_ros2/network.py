@@ -1,4 +1,4 @@
-"""How to reach a ROS 2 system, who publishes in it, and which middleware its members speak."""
+"""Settings of the connection to a ROS 2 system, its publishers, and the interfaces of a member."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ Middleware = Literal["dds", "zenoh"]
 
 @dataclass(frozen=True)
 class Network:
-    """How to reach the others."""
+    """Settings by which a member reaches the others of a ROS 2 system."""
 
     domain: int = 0
-    interface: str | None = None
-    peers: tuple[str, ...] = ()
+    interface: str | None = None  # name, such as "eth0"; None: chosen by the middleware
+    peers: tuple[str, ...] = ()  # addresses
     reliable: bool = False
-    history: int = 1000
+    history: int = 1000  # messages of a topic that may wait to be read, a choice: 1 s of a sensor of 1 kHz
     middleware: str = "dds"
 
     @property
     def nobody(self) -> str:
-        """What to check where no publisher is found, in words."""
+        """Sentence that says what to check where no publisher is found."""
         if self.middleware == "zenoh":
             return (
                 "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers state (ros2 run "
@@ -38,14 +38,14 @@ class Network:
 
 @dataclass(frozen=True)
 class Publication:
-    """One writer of one topic."""
+    """One publisher of one topic."""
 
     topic: str
     type: str
-    key: str
+    key: str  # identifies the publisher
     participant: str
     reliable: bool
-    alive: bool = True
+    alive: bool = True  # False: the publisher has left
 
 
 class Talker(Protocol):
@@ -58,7 +58,7 @@ class Talker(Protocol):
         """Publish a message."""
 
     def close(self) -> None:
-        """Go."""
+        """Leave the system."""
 
 
 class Participant(Protocol):
@@ -66,34 +66,37 @@ class Participant(Protocol):
 
     @property
     def talker(self) -> Talker:
-        """The same member as one that publishes."""
+        """The interface by which the same member publishes."""
         ...
 
     def wait(self, seconds: float) -> None:
-        """Wait until a message comes, for so long [s] at most."""
+        """Wait until a message arrives, up to `seconds`."""
 
     def news(self) -> Iterator[Publication]:
-        """Writers of ROS topics that have come or gone since the last call."""
+        """Yield the publishers that have appeared or left since the last call."""
         ...
 
     def listen(self, number: int, topic: str, type_name: str, definition: str) -> None:
-        """Take messages of a topic; raises LogError where its type cannot be had."""
+        """Subscribe to a topic, whose messages get the topic's number; raises LogError for a type that DDS refuses."""
 
     def messages(self) -> Iterator[ReceivedMessage]:
-        """What has come since the last call."""
+        """Yield the messages that have arrived since the last call."""
         ...
 
 
 def demand_reachable(middleware: str, interface: str | None, peers: Sequence[str]) -> None:
-    """Raise ValueError where addresses are not of the middleware."""
+    """Raise ValueError where interface or peers have the form of another middleware."""
     if middleware == "zenoh" and interface is not None:
         raise ValueError('interface is of DDS; zenoh goes where peers say, such as "tcp/192.168.1.10:7447"')
-    if middleware == "dds" and (wrong := next((peer for peer in peers if "/" in peer), None)):
-        raise ValueError(f"peers of DDS are addresses without a protocol, such as 192.168.1.10, and not {wrong!r}")
+    peers_with_protocol = [peer for peer in peers if "/" in peer]
+    if middleware == "dds" and peers_with_protocol:
+        raise ValueError(
+            f"peers of DDS are addresses without a protocol, such as 192.168.1.10, and not {peers_with_protocol[0]!r}"
+        )
 
 
 def network_of(settings: Mapping[str, Any]) -> Network:
-    """Return a network from plain settings."""
+    """Return the network of settings that were sent as JSON."""
     peers: Sequence[str] = settings.get("peers", ())
     names = ("domain", "interface", "reliable", "history", "middleware")
     return Network(peers=tuple(peers), **{name: settings[name] for name in names})

@@ -1,4 +1,4 @@
-"""Becoming a member of a ROS 2 system, by whichever middleware its others speak."""
+"""Members of a ROS 2 system, by the middleware that the system uses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What palpate finds, as topics of a ROS 2 system."""
+"""A sink that publishes estimates, maps and flags as topics of a ROS 2 system."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import DeviceError, Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
 from pydantic import Field, model_validator
 
@@ -14,10 +15,11 @@ from palpate_ros2.messages import DIAGNOSTICS, VECTOR, cloud, diagnostics, legal
 from palpate_ros2.network import Middleware, Network, Talker, demand_reachable
 from palpate_ros2.participant import talker
 
-_CLOUD_EVERY = 1.0  # [s] of the record
-_PLACES = 5000  # of one track that a map shows
-_LEAST = 1e-6  # [s] between two messages of a topic, and what rounding may take from an interval
-_APART = 2e-4  # [m] between two of them
+_MAP_INTERVAL = 1.0  # [s] of the record, between two maps of a track: a choice
+_MAX_POINTS = 5000  # of the map of one track, a choice: 1 m at `_POINT_DISTANCE`
+_POINT_DISTANCE = 2e-4  # [m] between two points of a map, a choice: less than a tip is wide
+_TIME_ROUNDING = 1e-6  # [s], a choice: an interval may be shorter by so much, and is never shorter than this
+Rows = NDArray[np.intp]  # indexes of samples
 
 
 class Ros2Sink(Sink):
@@ -41,15 +43,16 @@ class Ros2Sink(Sink):
     )
 
     @model_validator(mode="after")
-    def _reachable(self) -> Self:
+    def _check_addresses(self) -> Self:
         demand_reachable(self.middleware, self.interface, self.peers)
         return self
 
     @contextmanager
     def open(self, run: Run) -> Iterator[Writer]:
-        """A participant of the domain; raises OutputError where DDS does not come up."""
+        """Join the domain and yield the writer of the run; raises OutputError where the middleware does not start."""
+        network = Network(self.domain, self.interface, self.peers, reliable=True, middleware=self.middleware)
         try:
-            member = talker(Network(self.domain, self.interface, self.peers, True, middleware=self.middleware))
+            member = talker(network)
         except DeviceError as error:
             raise OutputError(f"sink ros2: {error}") from error
         try:
@@ -59,92 +62,119 @@ class Ros2Sink(Sink):
 
 
 class RunPublisher:
-    """One run on its way out."""
+    """Writer that publishes one run."""
 
     def __init__(self, settings: Ros2Sink, run: Run, talker: Talker) -> None:
         self._settings, self._talker = settings, talker
         self._base = f"{settings.namespace}/palpate"
-        self._names = {track: [p.name for p in parameters] for track, parameters in run.tracks.items()}
-        self._samples: Samples | None = None
-        self._next = dict.fromkeys(run.tracks, -np.inf)
-        self._next_cloud = dict.fromkeys(run.tracks, -np.inf)
-        self._places: dict[str, list[list[float]]] = {track: [] for track in run.tracks}
+        self._flags_topic = f"{self._base}/flags"
+        self._parameters = {
+            track: [parameter.name for parameter in parameters] for track, parameters in run.tracks.items()
+        }
+        self._samples: Samples | None = None  # of the next estimates
+        # By track: times of the record [s] before which nothing is published.
+        self._next_estimate = dict.fromkeys(run.tracks, -np.inf)
+        self._next_map = dict.fromkeys(run.tracks, -np.inf)
+        # By track: rows of the map: x, y, z [m], then value and standard deviation of each parameter.
+        self._points: dict[str, list[list[float]]] = {track: [] for track in run.tracks}
         self._flags: dict[str, tuple[Flag, ...]] = {}
-        talker.announce(f"{self._base}/flags", DIAGNOSTICS, latched=True)
-        for track, names in self._names.items():
-            for name in names:
-                talker.announce(f"{self._topic(track)}/{legal_name(name)}", VECTOR)
+        talker.announce(self._flags_topic, DIAGNOSTICS, latched=True)
+        for track, parameters in self._parameters.items():
+            for parameter in parameters:
+                talker.announce(self._parameter_topic(track, parameter), VECTOR)
 
     def batch(self, device: str, batch: Any) -> None:
-        """Raw readings are those of others."""
+        """Publish nothing: raw readings are topics of their devices."""
 
     def samples(self, samples: Samples) -> None:
-        """What the next estimates are of."""
+        """Keep the samples that the next estimates belong to."""
         self._samples = samples
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """One of every interval, and the places that have become known."""
+        """Publish one estimate of each interval, and the map of the track once in `_MAP_INTERVAL`."""
         samples = self._samples
         if samples is None or len(samples) != len(estimates) or not len(estimates):
-            return  # an offline estimator's come when the run is over
-        known = np.isfinite(estimates.values).all(axis=1)
-        rows = np.flatnonzero(known)
+            return  # estimates of an offline estimator, which come after the run
+        rows = np.flatnonzero(np.isfinite(estimates.values).all(axis=1))
         if not len(rows):
             return
-        self._learn(track, samples, estimates, rows)
-        while len(rows := rows[np.searchsorted(estimates.time[rows], self._next[track]) :]):
-            self._send_values(track, estimates, int(rows[0]), int(samples.stamp[rows[0]]))
-            self._next[track] = float(estimates.time[rows[0]]) + max(self._settings.interval - _LEAST, _LEAST)
+        self._add_points(track, samples, estimates, rows)
+        self._send_estimates(track, samples, estimates, rows)
         time = float(estimates.time[-1])
-        if self._places[track] and time >= self._next_cloud[track]:
-            self._next_cloud[track] = time + _CLOUD_EVERY
+        if self._points[track] and time >= self._next_map[track]:
+            self._next_map[track] = time + _MAP_INTERVAL
             self._send_map(track, self._stamp)
 
-    def _send_values(self, track: str, estimates: Estimates, row: int, stamp: int) -> None:
-        for k, name in enumerate(self._names[track]):
-            numbers = float(estimates.values[row, k]), float(estimates.std[row, k]), float(estimates.time[row])
-            topic = f"{self._topic(track)}/{legal_name(name)}"
-            self._talker.send(topic, *pack_vector_stamped(stamp, self._settings.frame, numbers))
+    def _send_estimates(self, track: str, samples: Samples, estimates: Estimates, rows: Rows) -> None:
+        """Publish the first of the rows (n,) of finite estimates in each interval."""
+        interval = max(self._settings.interval - _TIME_ROUNDING, _TIME_ROUNDING)
+        times = estimates.time[rows]
+        i = int(np.searchsorted(times, self._next_estimate[track]))
+        while i < len(rows):
+            row = int(rows[i])
+            for column, parameter in enumerate(self._parameters[track]):
+                numbers = (
+                    float(estimates.values[row, column]),
+                    float(estimates.std[row, column]),
+                    float(estimates.time[row]),
+                )
+                message = pack_vector_stamped(int(samples.stamp[row]), self._settings.frame, numbers)
+                self._talker.send(self._parameter_topic(track, parameter), *message)
+            self._next_estimate[track] = float(estimates.time[row]) + interval
+            i += int(np.searchsorted(times[i:], self._next_estimate[track]))
 
-    def _learn(self, track: str, samples: Samples, estimates: Estimates, rows: Any) -> None:
-        places = self._places[track]
+    def _add_points(self, track: str, samples: Samples, estimates: Estimates, rows: Rows) -> None:
+        """Add the rows (n,) in contact whose place is known to the map, where it is far enough from the last point."""
+        points = self._points[track]
         for row in rows.tolist():
             x, y = samples.lateral[row].tolist()
-            if not samples.contact[row] or not np.isfinite([x, y]).all() or len(places) > _PLACES:
+            if not samples.contact[row] or not np.isfinite([x, y]).all() or len(points) > _MAX_POINTS:
                 continue
             pairs = np.column_stack([estimates.values[row], estimates.std[row]]).ravel()
             numbers = [float(estimates.surface[row]), *pairs.tolist()]
-            if places and np.hypot(x - places[-1][0], y - places[-1][1]) < _APART:
-                places[-1][2:] = numbers  # the latest of a place counts
+            if points and np.hypot(x - points[-1][0], y - points[-1][1]) < _POINT_DISTANCE:
+                points[-1][2:] = numbers  # the latest estimate at a point counts
             else:
-                places.append([x, y, *numbers])
+                points.append([x, y, *numbers])
 
     def _send_map(self, track: str, stamp: int) -> None:
-        fields = ["x", "y", "z", *(f"{name}{end}" for name in self._names[track] for end in ("", "_std"))]
-        message = cloud(stamp, self._settings.frame, fields, np.array(self._places[track]))
-        self._talker.send(f"{self._topic(track)}/map", *message, latched=True)
+        """Publish the map of a track at a time `stamp` [ns]."""
+        fields = ["x", "y", "z"]
+        for parameter in self._parameters[track]:
+            fields += [parameter, f"{parameter}_std"]
+        message = cloud(stamp, self._settings.frame, fields, np.array(self._points[track]))
+        self._talker.send(f"{self._track_topic(track)}/map", *message, latched=True)
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All current flags on a track, or on the record."""
+        """Keep all current flags on a track, or with None on the record, for the next message."""
         self._flags[track or "record"] = flags
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """The flags once a second, and before the health only where they have changed."""
-        self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
+        """Publish the flags: `health` is called once a second."""
+        self._send_flags()
 
     def result(self, table: Mapping[str, Any]) -> None:
-        """The last map, and the flags of the result."""
-        for track, places in self._places.items():
-            if places:
+        """Publish the last maps, and the flags of the result."""
+        for track, points in self._points.items():
+            if points:
                 self._send_map(track, self._stamp)
-        for track, found in table["tracks"].items():
-            self._flags[track] = tuple(map(Flag.of_table, found["flags"]))
-        self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
+        for track, entry in table["tracks"].items():
+            self._flags[track] = tuple(map(Flag.of_table, entry["flags"]))
+        self._send_flags()
+
+    def _send_flags(self) -> None:
+        """Publish the current flags."""
+        self._talker.send(self._flags_topic, *diagnostics(self._stamp, self._flags), latched=True)
 
     @property
     def _stamp(self) -> int:
-        """The time [ns] of the latest sample."""
+        """The time [ns] of the latest sample; 0 before the first."""
         return int(self._samples.stamp[-1]) if self._samples is not None and len(self._samples) else 0
 
-    def _topic(self, track: str) -> str:
+    def _track_topic(self, track: str) -> str:
+        """Return the topic of a track, ``model/estimator``."""
         return "/".join([self._base, *(legal_name(part) for part in track.split("/"))])
+
+    def _parameter_topic(self, track: str, parameter: str) -> str:
+        """Return the topic of a parameter of a track."""
+        return f"{self._track_topic(track)}/{legal_name(parameter)}"

@@ -9,8 +9,11 @@ from typing import Any
 
 from palpate_records.messages.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
 
-_NESTED, _SEQUENCE, _ARRAY = 1, 144, 48  # of type_description_interfaces/FieldType; the latter two are added
-_KINDS = {
+# Codes of type_description_interfaces/FieldType.
+_NESTED = 1
+_ARRAY_OFFSET = 48  # added to the code of the elements of an array of fixed length
+_SEQUENCE_OFFSET = 144  # added to that of an unbounded sequence
+_TYPE_CODES = {
     "int8": 2,
     "uint8": 3,
     "char": 3,
@@ -38,36 +41,45 @@ def type_hash(type_name: str) -> str:
     """
     definitions = parse_definitions(type_name, "")
     root = short_name(type_name)
-    others = sorted(_needed(root, definitions) - {root})
-    described = {
-        "type_description": _description(root, definitions),
-        "referenced_type_descriptions": [_description(name, definitions) for name in others],
+    referenced = sorted(_contained_types(root, definitions) - {root})
+    description = {
+        "type_description": _type_description(root, definitions),
+        "referenced_type_descriptions": [_type_description(name, definitions) for name in referenced],
     }
-    return f"RIHS01_{sha256(json.dumps(described).encode()).hexdigest()}"
+    return f"RIHS01_{sha256(json.dumps(description).encode()).hexdigest()}"
 
 
-def _needed(name: str, definitions: Definitions) -> set[str]:
-    inside = {field.type for field in definitions[name] if field.type in definitions}
-    return {name}.union(*(_needed(other, definitions) for other in inside))
+def _contained_types(name: str, definitions: Definitions) -> set[str]:
+    """Return the names of a type and of all types within it, at any depth."""
+    field_types = {field.type for field in definitions[name] if field.type in definitions}
+    return {name}.union(*(_contained_types(field_type, definitions) for field_type in field_types))
 
 
-def _description(name: str, definitions: Definitions) -> dict[str, Any]:
+def _type_description(name: str, definitions: Definitions) -> dict[str, Any]:
+    """Return a type_description_interfaces/IndividualTypeDescription; the order of its keys is part of the hash."""
     fields = [{"name": field.name, "type": _field_type(field)} for field in definitions[name]]
-    return {"type_name": _full(name), "fields": fields}
+    return {"type_name": _full_name(name), "fields": fields}
 
 
 def _field_type(field: Field) -> dict[str, Any]:
-    nested = field.type not in PRIMITIVES and field.type not in _KINDS
-    kind = _NESTED if nested else _KINDS[field.type]
-    kind += 0 if not field.many else _SEQUENCE if field.count is None else _ARRAY
+    """Return a type_description_interfaces/FieldType; the order of its keys is part of the hash."""
+    is_nested = field.type not in PRIMITIVES and field.type not in _TYPE_CODES
+    type_code = _NESTED if is_nested else _TYPE_CODES[field.type]
+    length = 0
+    if field.many and field.count is None:
+        type_code += _SEQUENCE_OFFSET
+    elif field.many and field.count is not None:
+        type_code += _ARRAY_OFFSET
+        length = field.count
     return {
-        "type_id": kind,
-        "capacity": field.count if field.many and field.count is not None else 0,
+        "type_id": type_code,
+        "capacity": length,
         "string_capacity": 0,
-        "nested_type_name": _full(field.type) if nested else "",
+        "nested_type_name": _full_name(field.type) if is_nested else "",
     }
 
 
-def _full(name: str) -> str:
-    package, _, kind = name.partition("/")
-    return f"{package}/msg/{kind}"
+def _full_name(short_type: str) -> str:
+    """Return the name of a type with the ``msg`` between package and message."""
+    package, _, message_name = short_type.partition("/")
+    return f"{package}/msg/{message_name}"

@@ -20,82 +20,104 @@ from palpate_ros2.messages import boolean
 from palpate_ros2.network import Participant, Publication, network_of
 from palpate_ros2.participant import participant
 
-_IDLE = 0.02  # [s]
-_NEWS = 50_000_000  # [ns] between two looks at who is there
-LOST = WORDS  # word of the ring's head: messages not taken
+_MAX_WAIT = 0.02  # [s] for a message, a choice: the parent sees a beat at least so often
+_PUBLISHER_INTERVAL = 50_000_000  # [ns] between two looks for publishers: a choice
+_PIPE_WAIT = 0.002  # [s] between two looks for the pipe, at the start: a choice
+_RING_COLUMNS = 1  # the ring carries heartbeats and counts alone
+_PRIORITY = 40  # of real time, a choice
+LOST = WORDS  # word of the ring's head that counts lost messages
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Listen until the parent goes."""
-    parent, settings = Parent(int(arguments[0])), json.loads(arguments[2])
-    ring = Ring(int(arguments[1]), 1)
+    """Listen until the parent leaves; the arguments are the descriptors of socket and ring, and settings as JSON."""
+    parent = Parent(int(arguments[0]))
+    ring = Ring(int(arguments[1]), _RING_COLUMNS)
+    settings = json.loads(arguments[2])
     try:
-        outlet = Outlet(_descriptor(parent))
-        scheduling = host().enter(40)  # the middleware's threads inherit it
+        outlet = Outlet(_pipe_descriptor(parent))
+        scheduling = host().enter(_PRIORITY)  # before the middleware starts: its threads inherit it
         member = participant(network_of(settings))
         parent.tell("ready", scheduling=scheduling)
         gc.freeze()
-        _listen(member, ring, parent, outlet, settings)
+        _TopicRelay(member, parent, settings).run(ring, outlet)
     except (DeviceError, LogError) as error:
         parent.tell("fault", text=str(error))
     except BrokenPipeError:  # the parent has gone
         pass
 
 
-def _descriptor(parent: Parent) -> int:
-    """Return the pipe for messages, which the parent hands over."""
+def _pipe_descriptor(parent: Parent) -> int:
+    """Return the descriptor of the pipe for messages, which the parent hands over; raises BrokenPipeError."""
     while not parent.descriptors and not parent.gone:
         parent.messages()
-        time.sleep(0.002)
+        time.sleep(_PIPE_WAIT)
     if parent.gone:
         raise BrokenPipeError
     return parent.descriptors[0]
 
 
-def _listen(member: Participant, ring: Ring, parent: Parent, outlet: Outlet, settings: dict[str, Any]) -> None:
-    wanted: list[str] | None = settings["topics"]  # None: all whose type is known
-    definitions: dict[str, str] = settings["definitions"]
-    heard: dict[str, str] = {}  # types by topic
-    looked = 0
-    alarm: str | None = settings.get("alarm")
-    if alarm is not None:
-        member.talker.send(alarm, *boolean(False), latched=True)
-    while not parent.gone:
-        member.wait(_IDLE)
-        now = time.monotonic_ns()
-        ring.beat(now)
-        for message in member.messages():
-            outlet.put(message)
-        outlet.flush()
-        ring.head[LOST] = outlet.lost
-        if now - looked > _NEWS:
-            looked = now
-            for found in member.news():
-                problem = _begin(member, found, heard, definitions) if _counts(found, wanted) else None
-                number = list(heard).index(found.topic) if found.topic in heard else None
-                parent.tell("publication", number=number, problem=problem, **asdict(found))
-        words = [message["say"] for message in parent.messages()]
-        if "alarm" in words and alarm is not None:
-            member.talker.send(alarm, *boolean(True), latched=True)
-        if "close" in words:
-            return
+class _TopicRelay:
+    """Relay of the messages and publishers of topics to the parent.
 
+    Settings: `topics` (None: all topics whose type is known), `definitions` of custom types by name, and the topic of
+    the `alarm` or None.
+    """
 
-def _counts(found: Publication, wanted: list[str] | None) -> bool:
-    return found.alive and (wanted is None or found.topic in wanted)
+    def __init__(self, member: Participant, parent: Parent, settings: dict[str, Any]) -> None:
+        self._member, self._parent = member, parent
+        self._requested: list[str] | None = settings["topics"]
+        self._definitions: dict[str, str] = settings["definitions"]
+        self._alarm: str | None = settings.get("alarm")
+        self._types: dict[str, str] = {}  # of the subscribed topics, in the order of their numbers
 
+    def run(self, ring: Ring, outlet: Outlet) -> None:
+        """Send the parent messages and reports, and publish the alarm on request, until it closes or is gone."""
+        last_look = 0  # [ns]
+        self._publish_alarm(False)
+        while not self._parent.gone:
+            self._member.wait(_MAX_WAIT)
+            now = time.monotonic_ns()
+            ring.beat(now)
+            for message in self._member.messages():
+                outlet.put(message)
+            outlet.flush()
+            ring.head[LOST] = outlet.lost
+            if now - last_look > _PUBLISHER_INTERVAL:
+                last_look = now
+                for publication in self._member.news():
+                    self._report(publication)
+            requests = [message["say"] for message in self._parent.messages()]
+            if "alarm" in requests:
+                self._publish_alarm(True)
+            if "close" in requests:
+                return
 
-def _begin(member: Participant, found: Publication, heard: dict[str, str], definitions: dict[str, str]) -> str | None:
-    """Listen to the topic of a new writer; what is in the way of that, in words."""
-    if found.topic in heard:
-        other = heard[found.topic] != found.type
-        return f"is published as {found.type}, and read as {heard[found.topic]}" if other else None
-    try:
-        member.listen(len(heard), found.topic, found.type, definitions.get(found.type, ""))
-    except LogError as error:
-        return str(error)
-    heard[found.topic] = found.type
-    return None
+    def _publish_alarm(self, state: bool) -> None:
+        """Publish the state of the alarm, if it has a topic."""
+        if self._alarm is not None:
+            self._member.talker.send(self._alarm, *boolean(state), latched=True)
+
+    def _report(self, publication: Publication) -> None:
+        """Report a publisher that has appeared or left to the parent; subscribe to a requested topic."""
+        topic = publication.topic
+        problem = None
+        if publication.alive and (self._requested is None or topic in self._requested):
+            problem = self._subscribe(publication)
+        number = list(self._types).index(topic) if topic in self._types else None
+        self._parent.tell("publication", number=number, problem=problem, **asdict(publication))
+
+    def _subscribe(self, publication: Publication) -> str | None:
+        """Subscribe to the topic of a publisher, once; return a clause on why it cannot be read, or None."""
+        topic, type_name = publication.topic, publication.type
+        if topic in self._types:
+            subscribed = self._types[topic]
+            return f"is published as {type_name}, and read as {subscribed}" if subscribed != type_name else None
+        try:
+            self._member.listen(len(self._types), topic, type_name, self._definitions.get(type_name, ""))
+        except LogError as error:
+            return str(error)
+        self._types[topic] = type_name
+        return None
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""What topics, publishers and messages of ROS 2 are in zenoh, as rmw_zenoh has it (its docs/design.md).
+"""Keys, tokens and attachments of ROS 2 in zenoh, as rmw_zenoh defines them (its docs/design.md).
 
-Messages of a topic go to ``DOMAIN/TOPIC/TYPE/HASH``, the type by its name in DDS. Each publisher holds a liveliness
-token ``@ros2_lv/DOMAIN/SESSION/NODE/ENTITY/MP/ENCLAVE/NAMESPACE/NODENAME/TOPIC/TYPE/HASH/QOS``, with % for slashes in a
-part. With each message goes its number, the time when it was written, and the 16 bytes that identify its publisher.
+Messages of a topic have the key ``DOMAIN/TOPIC/TYPE/HASH``, with the type by its name in DDS. Each publisher holds a
+liveliness token ``@ros2_lv/DOMAIN/SESSION/NODE/ENTITY/MP/ENCLAVE/NAMESPACE/NODENAME/TOPIC/TYPE/HASH/QOS``, with % for
+slashes in a part. Each message has an attachment: its number (int64), the time when it was written [ns] (int64), the
+length of the publisher's identity (uint8, 16), and the identity.
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ from hashlib import blake2b
 from palpate_ros2.names import dds_type, ros_type
 from palpate_ros2.network import Publication
 
-NO_HASH = "TypeHashNotSupported"  # what Humble, which has no type hashes, writes in their place
+NO_HASH = "TypeHashNotSupported"  # in place of a type hash; Humble has none
 _ROOT, _PUBLISHER, _NODE = "@ros2_lv", "MP", "NN"
-_PARTS = 13  # of a publisher's token
-_BEST_EFFORT = "2"
-_VOLATILE, _LATCHED = "::,10:,:,:,,", ":1:,1:,:,:,,"  # what is the default is left out: reliable, volatile
-_ATTACHED = struct.Struct("<qq")  # number, time [ns]; then the length of the publisher's identity, and that
-_WRITER = struct.Struct("<Q")
+_TOKEN_PARTS = 13  # of a publisher's token
+# Quality of service: reliability, durability, history and its depth; what is left out is the default.
+_BEST_EFFORT = "2"  # reliability
+_VOLATILE_QOS = "::,10:,:,:,,"
+_LATCHED_QOS = ":1:,1:,:,:,,"
+_NUMBER_AND_TIME = struct.Struct("<qq")
+_WRITER = struct.Struct("<Q")  # number of a writer: the first bytes of its identity
+_IDENTITY_SIZE = 16  # [bytes]
 
 
 def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
-    """Where messages of a topic go.
+    """Return the key of the messages of a topic.
 
     >>> data_key(0, "/ft/wrench", "geometry_msgs/msg/Wrench", "*")
     '0/ft/wrench/geometry_msgs::msg::dds_::Wrench_/*'
@@ -32,7 +36,7 @@ def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
 
 
 def tokens_of_publishers(domain: int) -> str:
-    """Return the tokens of all publishers of a domain."""
+    """Return the key expression that matches the tokens of all publishers of a domain."""
     return f"{_ROOT}/{domain}/*/*/*/{_PUBLISHER}/**"
 
 
@@ -41,40 +45,51 @@ def node_token(domain: int, session: str, name: str) -> str:
     return f"{_ROOT}/{domain}/{session}/0/0/{_NODE}/%/%/{name}"
 
 
-def publisher_token(domain: int, session: str, entity: int, name: str, topic: str, kind: str, latched: bool) -> str:
-    """Return the token of a publisher of a node; `kind`: type and hash as in its key."""
-    qos = _LATCHED if latched else _VOLATILE
-    return f"{_ROOT}/{domain}/{session}/0/{entity}/{_PUBLISHER}/%/%/{name}/{topic.replace('/', '%')}/{kind}/{qos}"
+def publisher_token(
+    domain: int, session: str, entity: int, node_name: str, topic: str, type_and_hash: str, latched: bool
+) -> str:
+    """Return the token of a publisher, the `entity`-th of its session; `type_and_hash` as in its data key."""
+    node = f"{_ROOT}/{domain}/{session}/0/{entity}/{_PUBLISHER}/%/%/{node_name}"
+    qos = _LATCHED_QOS if latched else _VOLATILE_QOS
+    return f"{node}/{topic.replace('/', '%')}/{type_and_hash}/{qos}"
 
 
 def publication_of(token: str) -> Publication | None:
-    """Return the publisher that holds a token; None for any other, as of another version of rmw_zenoh."""
+    """Return the publisher that holds a token; None for a token of another form, as of another version of rmw_zenoh."""
     parts = token.split("/")
-    if len(parts) != _PARTS or parts[0] != _ROOT or parts[5] != _PUBLISHER:
+    if len(parts) != _TOKEN_PARTS or parts[0] != _ROOT or parts[5] != _PUBLISHER:
         return None
-    topic, kind, qos = parts[9].replace("%", "/"), ros_type(parts[10]), parts[12]
-    return Publication(topic, kind, token, parts[2], qos.split(":")[0] != _BEST_EFFORT)
+    session = parts[2]
+    topic, type_name, _, qos = parts[9:]
+    reliability = qos.split(":")[0]
+    return Publication(
+        topic=topic.replace("%", "/"),
+        type=ros_type(type_name),
+        key=token,
+        participant=session,
+        reliable=reliability != _BEST_EFFORT,
+    )
 
 
 def identity(token: str) -> bytes:
-    """16 bytes that identify a publisher."""
-    return blake2b(token.encode(), digest_size=16).digest()
+    """Return 16 bytes that identify the publisher of a token."""
+    return blake2b(token.encode(), digest_size=_IDENTITY_SIZE).digest()
 
 
-def attachment(number: int, stamp: int, who: bytes) -> bytes:
-    """What goes with a message: its number, the time [ns] when it is written, who writes it."""
-    return _ATTACHED.pack(number, stamp) + bytes([len(who)]) + who
+def attachment(number: int, stamp: int, writer_identity: bytes) -> bytes:
+    """Return the attachment of a message: number, time of writing [ns], length of the identity, and the identity."""
+    return _NUMBER_AND_TIME.pack(number, stamp) + bytes([len(writer_identity)]) + writer_identity
 
 
 def read_attachment(raw: bytes) -> tuple[int, int] | None:
-    """When a message was written [ns], and a number for who has; None where nothing of the kind goes with it.
+    """Return time of writing [ns] and a number for the writer; None for bytes that are not such an attachment.
 
     >>> read_attachment(attachment(3, 1_000, b"0123456789abcdef"))
     (1000, 3978425819141910832)
     """
-    head = _ATTACHED.size + 1
-    if len(raw) < head + _WRITER.size or len(raw) != head + raw[head - 1]:
+    identity_start = _NUMBER_AND_TIME.size + 1
+    if len(raw) < identity_start + _WRITER.size or len(raw) != identity_start + raw[identity_start - 1]:
         return None
-    _, stamp = _ATTACHED.unpack_from(raw)
-    (writer,) = _WRITER.unpack_from(raw, head)
+    _, stamp = _NUMBER_AND_TIME.unpack_from(raw)
+    (writer,) = _WRITER.unpack_from(raw, identity_start)
     return int(stamp), int(writer)
