@@ -1,4 +1,4 @@
-"""The Python face: records in memory, runs, fits, comparisons, sweeps and maps, as a notebook uses them."""
+"""The Python interface: records in memory, runs, fits, comparisons, sweeps and maps, as a notebook uses them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_devices() -> dict[str, str]:
-    """Readings that are in memory already."""
+    """Return the device of readings in memory."""
     return {"memory-record": "palpate_notebook.memory_device:MemoryRecord"}
 
 

@@ -1,4 +1,4 @@
-"""Arguments of the Python interface: errors and screens say what to write in Python, and no option of a command."""
+"""Arguments of the Python interface: errors and screens name them in place of options of a command."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate_engine import RigFacts, option_of, question_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
-_MEANT = {  # by arguments that people write
+_SUGGESTIONS = {  # by other names of arguments
     "depth": "height=-depth: a height counts out of the material",
     "position": "height=, which counts out of the material",
     "indentation": "height=-indentation: a height counts out of the material",
@@ -23,15 +23,13 @@ _MEANT = {  # by arguments that people write
     "sampling_rate": 'rate="500 Hz"',
     "radius": 'tip="sphere 5 mm", by its radius',
 }
-
-
-# What the command line says of a log, a fact and a folder.
+# Options and commands in messages of the command line.
 _SIGNAL = re.compile(r"--(force|position|time|rate)\b(?: (TOPIC:FIELD|'[^']*'))?")
 _FOLDER = re.compile(r"palpate fit (\S+) --tip '([^']*)'")
 
 
 def in_python(text: str) -> str:
-    """Return a sentence with arguments of Python in place of options of a command.
+    """Return a text of the command line with arguments of Python in place of its options.
 
     >>> in_python("choose with --force; state it with --thickness VALUE")
     'choose with signals={"force": "..."}; state it with rig={"thickness": "VALUE"}'
@@ -40,19 +38,27 @@ def in_python(text: str) -> str:
     """
     for key in RigFacts.model_fields:
         text = text.replace(f"{option_of(key)} VALUE", f'rig={{"{key}": "VALUE"}}')
-    text = _SIGNAL.sub(lambda match: f'signals={{"{match[1]}": "{(match[2] or "...").strip(chr(39))}"}}', text)
+    text = _SIGNAL.sub(_signal_argument, text)
     return _FOLDER.sub(r'palpate.fit_folder("\1", tip="\2")', text)
 
 
-def explains_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """Return the function with a ConfigurationError in place of a TypeError for arguments that do not fit it.
+def _signal_argument(match: re.Match[str]) -> str:
+    """Return the argument for a match of `_SIGNAL`: role, and value in quotes if the option has one."""
+    role, option_value = match[1], match[2] or "..."
+    unquoted = option_value.strip("'")
+    return f'signals={{"{role}": "{unquoted}"}}'
 
-    Its own errors have arguments in place of options.
+
+def explains_arguments(function: Callable[P, T]) -> Callable[P, T]:
+    """Return the function, which raises ConfigurationError in place of TypeError for arguments that do not fit.
+
+    Errors of the function itself name arguments in place of options.
     """
     signature = inspect.signature(function)
 
     @functools.wraps(function)
     def checked(*arguments: P.args, **named: P.kwargs) -> T:
+        # Arguments that do not fit: an unknown name, or others that Python names.
         for name in named:
             if name not in signature.parameters:
                 raise ConfigurationError(f"{function.__name__}: no argument {name}={_advice(name, signature)}")
@@ -62,28 +68,33 @@ def explains_arguments(function: Callable[P, T]) -> Callable[P, T]:
             raise ConfigurationError(
                 f"{function.__name__}: {error}; write {_call(function.__name__, signature)}"
             ) from error
+        # Errors of the function with arguments in place of options.
         try:
             return function(*arguments, **named)
         except UserError as error:
-            if (words := in_python(str(error))) == str(error):
+            message = in_python(str(error))
+            if message == str(error):
                 raise
-            raise type(error)(words) from error
+            raise type(error)(message) from error
 
     return checked
 
 
 def _advice(name: str, signature: inspect.Signature) -> str:
-    """Return what to write in place of an argument."""
+    """Return a clause on what to write in place of an unknown argument, from "; write" on."""
     if name in RigFacts.model_fields and "rig" in signature.parameters:
         return f'; write rig={{"{name}": "{question_of(name)[1] or "..."}"}}'
-    meant = _MEANT.get(name, "")
-    if meant and meant.partition("=")[0] in signature.parameters:
-        return f"; write {meant}"
+    suggestion = _SUGGESTIONS.get(name, "")
+    if suggestion and suggestion.partition("=")[0] in signature.parameters:
+        return f"; write {suggestion}"
     return suggest(name, signature.parameters)
 
 
 def _call(name: str, signature: inspect.Signature) -> str:
-    """Return a call with the arguments that have no default."""
-    needed = [f"{one.name}=..." if one.kind is one.KEYWORD_ONLY else one.name for one in signature.parameters.values()
-              if one.default is one.empty]  # fmt: skip
-    return f"{name}({', '.join(needed)})"
+    """Return a call of a function with the arguments that have no default."""
+    arguments = []
+    for parameter in signature.parameters.values():
+        if parameter.default is parameter.empty:
+            is_keyword = parameter.kind is parameter.KEYWORD_ONLY
+            arguments.append(f"{parameter.name}=..." if is_keyword else parameter.name)
+    return f"{name}({', '.join(arguments)})"

@@ -1,4 +1,4 @@
-"""What a run found as tables of pandas."""
+"""Results of a run as tables of pandas."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
     rows = []
     for name, track in document["tracks"].items():
         values = {**track["parameters"], **track.get("derived", {}), "surface": track["surface"]}
-        for parameter, found in values.items():
-            unit, factor = (found["unit"], 1.0) if si else display_unit(found["unit"])
-            numbers = {
-                key: math.nan if found[key] is None else factor * found[key] for key in ("value", "std", "combined")
-            }
-            rows.append(
-                {"track": name, "parameter": parameter, **numbers, "unit": unit, "verdict": found.get("verdict", "")}
-            )
+        for parameter, entry in values.items():
+            unit, factor = (entry["unit"], 1.0) if si else display_unit(entry["unit"])
+            row = {"track": name, "parameter": parameter, "unit": unit, "verdict": entry.get("verdict", "")}
+            for key in ("value", "std", "combined"):
+                row[key] = math.nan if entry[key] is None else factor * entry[key]
+            rows.append(row)
     columns = ["track", "parameter", "value", "std", "combined", "unit", "verdict"]
     return library("pandas").DataFrame(rows, columns=columns).set_index(["track", "parameter"])
 
 
 def fit_frame(samples: Samples, measured: Floats, modelled: Floats) -> pandas.DataFrame:
-    """Return a row for each sample: the motion, the sensor's force, contact force as measured and modelled, residual
-    [SI]."""
+    """Return a row for each sample [SI]: motion, force of the sensor, contact force, the model's, and the residual.
+
+    `measured` and `modelled`: contact force (n,) [N].
+    """
     columns = {name: getattr(samples, name) for name in ("position", "velocity", "contact", "force")}
     columns |= {"contact_force": measured, "model": modelled, "residual": measured - modelled}
     pandas = library("pandas")
@@ -42,14 +42,17 @@ def fit_frame(samples: Samples, measured: Floats, modelled: Floats) -> pandas.Da
 
 
 def budget_frame(track: Mapping[str, Any]) -> pandas.DataFrame:
-    """Return a row for each source: its standard uncertainty, and what it gives each value [SI]; combined comes
-    last."""
+    """Return a row for each source of uncertainty of a track's table in result.json, the combined one last.
+
+    Columns: standard uncertainty `u` of the source and its unit, then its contribution to each value [SI].
+    """
     names = list(track["parameters"])
-    rows = [
-        {"source": row["source"], "u": row["std"], "unit": row["unit"]}
-        | {name: (row["effects"].get(name) or {}).get("contribution") for name in names}
-        for row in track.get("budget", ())
-    ]
+    rows = []
+    for entry in track.get("budget", ()):
+        row = {"source": entry["source"], "u": entry["std"], "unit": entry["unit"]}
+        for name in names:
+            row[name] = (entry["effects"].get(name) or {}).get("contribution")
+        rows.append(row)
     combined = {name: track["parameters"][name]["combined"] for name in names}
     rows.append({"source": "combined", "u": None, "unit": "", **combined})
     pandas = library("pandas")
@@ -58,7 +61,7 @@ def budget_frame(track: Mapping[str, Any]) -> pandas.DataFrame:
 
 
 def correlation_frame(track: Mapping[str, Any]) -> pandas.DataFrame:
-    """Correlation matrix of what a fit looked for."""
+    """Return the correlation matrix of the free unknowns of a fit, from a track's table in result.json; else NaN."""
     fit = track.get("fit") or {"unknowns": {}, "correlations": []}
     names = [name for name, unknown in fit["unknowns"].items() if unknown["free"]]
     frame = library("pandas").DataFrame(math.nan, index=names, columns=names)

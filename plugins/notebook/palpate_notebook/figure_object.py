@@ -1,4 +1,4 @@
-"""A picture that a notebook shows and that can be kept."""
+"""A picture that a notebook shows, and that can be saved."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @with_suggestions
 class Picture:
-    """A picture, drawn without a screen; `figure` is matplotlib's, for whatever is to be changed."""
+    """Picture, drawn without a screen; `figure` is matplotlib's, and may be changed."""
 
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
@@ -28,15 +28,15 @@ class Picture:
         return list(self.figure.axes)
 
     def save(self, path: str | Path) -> Path:
-        """Write it, PNG, SVG or PDF by its name; raises OutputError."""
+        """Write the picture, PNG, SVG or PDF by the name, and return its path; raises OutputError."""
         save_figure(self.figure, Path(path))
         return Path(path)
 
     def _repr_png_(self) -> bytes:
-        drawn = io.BytesIO()
+        buffer = io.BytesIO()
         with style():
-            self.figure.savefig(drawn, format="png", metadata={"Software": None})
-        return drawn.getvalue()
+            self.figure.savefig(buffer, format="png", metadata={"Software": None})
+        return buffer.getvalue()
 
     def __repr__(self) -> str:
         width, height = self.figure.get_size_inches()

@@ -1,4 +1,4 @@
-"""Records estimated: one fit, or many tracks side by side."""
+"""Functions that estimate records: one fit, or many tracks in parallel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate_notebook.run_object import FinishedRun
 if TYPE_CHECKING:
     import pandas
 
-_latest = threading.local()  # the estimator of the latest call in each thread, and what it was made of
+_cache = threading.local()  # `latest`: in each thread, key and estimator of the latest call
 
 
 @explains_arguments
@@ -49,8 +49,8 @@ def fit(
 
     Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
     """
-    known = record_of(record, signals)
-    return Fit(_estimator([model], [estimator], tip, uncertainties, rig).estimate(known, name))
+    readings = record_of(record, signals)
+    return Fit(_cached_estimator([model], [estimator], tip, uncertainties, rig).estimate(readings, name))
 
 
 @explains_arguments
@@ -62,7 +62,7 @@ def prepare(
     uncertainties: Mapping[str, str | float] | None = None,
     rig: Rig = None,
 ) -> Fitter:
-    """Return a fitter for any number of records: what `fit` does of each, with all that they share done once.
+    """Return a fitter for any number of records, which fits each like `fit` and does what they share once.
 
     Parts, names, `uncertainties` and `rig` as in `fit`. Raises ConfigurationError for a part that no plugin has.
     """
@@ -80,28 +80,32 @@ def compare(
     rig: Rig = None,
     name: str | None = None,
 ) -> FinishedRun:
-    """Return every model with every estimator on one record, read once; parts and names as in `fit`, which raises
-    the same."""
-    return _estimator(models, estimators, tip, uncertainties, rig).estimate(record, name)
+    """Return a run of every model with every estimator on one record, which is read once.
+
+    Parts, names and errors as in `fit`.
+    """
+    return _cached_estimator(models, estimators, tip, uncertainties, rig).estimate(record, name)
 
 
-def _estimator(
+def _cached_estimator(
     models: Sequence[str | ContactModel],
     estimators: Sequence[str | Estimator],
     tip: Tip,
     uncertainties: Mapping[str, str | float] | None,
     rig: Rig,
 ) -> RecordEstimator:
-    """Return the latest estimator of this thread where it is of the same parts, and of files that have not changed
-    since."""
+    """Return the estimator of the arguments, that of this thread's latest call if it had the same ones.
+
+    Files that belong to the parts are compared by their times of modification.
+    """
     parts = [part for part in (*models, *estimators, tip) if isinstance(part, Part)]
-    states = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
+    file_times = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
     facts = facts_in(rig)
     tip = dict(tip) if isinstance(tip, Mapping) else tip  # its owner may change it before the next call
-    made_of: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), states, facts)
-    known: tuple[tuple[Any, ...], RecordEstimator] | None = getattr(_latest, "known", None)
-    if known is not None and known[0] == made_of:
-        return known[1]
-    found = RecordEstimator(models, estimators, tip, uncertainties, rig)
-    _latest.known = made_of, found
-    return found
+    key: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), file_times, facts)
+    latest: tuple[tuple[Any, ...], RecordEstimator] | None = getattr(_cache, "latest", None)
+    if latest is not None and latest[0] == key:
+        return latest[1]
+    estimator = RecordEstimator(models, estimators, tip, uncertainties, rig)
+    _cache.latest = key, estimator
+    return estimator

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 @with_suggestions
 class Fit:
-    """What one fit found."""
+    """Fit of one model to one record."""
 
     def __init__(self, run: FinishedRun) -> None:
-        self.run = run  # everything else that a run gives
+        self.run = run  # with everything else that a run gives
         self.track: TrackView = run[next(iter(run))]
 
     @property
     def parameters(self) -> dict[str, UncertainQuantity]:
-        """The model's parameters, then what follows from them, by name."""
+        """The model's parameters, then the values that follow from them, by name."""
         return self.track.parameters
 
     def __getitem__(self, name: str) -> UncertainQuantity:
@@ -51,12 +51,12 @@ class Fit:
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """Its flags."""
+        """The flags on the fit."""
         return self.track.flags
 
     @property
     def verdict(self) -> str:
-        """The verdict of its elasticity; of a model without one the worst of its values with a number."""
+        """The verdict on the elasticity; for a model without one the worst of the verdicts on its values."""
         return self.track.verdict
 
     @property
@@ -66,18 +66,18 @@ class Fit:
 
     @property
     def prediction(self) -> float:
-        """Error of the force that one half of the record predicts of the other, in parts of it; NaN without halves."""
+        """Relative error of the force that a fit of one half predicts for the other; NaN if that was not tested."""
         table = self.track.document.get("diagnoses", {}).get("model-discrepancy", {}).get("prediction", {})
         return float(table.get("error", math.nan))
 
     @property
     def force(self) -> Floats:
-        """The model's contact force (n,) [N] at each sample; NaN where nothing was fitted."""
+        """The model's contact force (n,) [N] at each sample; NaN at samples that were not fitted."""
         return self.run.track_tables[self.track.name].others["force"]
 
     @property
     def residuals(self) -> Floats:
-        """Measured less modelled contact force (n,) [N] at each sample; NaN where nothing was fitted."""
+        """Measured less modelled contact force (n,) [N] at each sample; NaN at samples that were not fitted."""
         return self.run.contact_force - self.force
 
     @property
@@ -88,43 +88,38 @@ class Fit:
         return fit_frame(self.run.aligned, self.run.contact_force, self.force)
 
     def to_dict(self) -> dict[str, str | float]:
-        """One row [SI], named as the columns of ``fits.csv``: values, uncertainties, verdict, codes of flags."""
-        values = {**self.parameters, "surface": self.surface}
-        numbers: dict[str, str | float] = {
-            f"{name}{kind}": number
-            for name, found in values.items()
-            for kind, number in (("", found.value), ("_std", found.std), ("_combined", found.combined))
-        }
-        numbers |= {f"{name}_verdict": value.verdict for name, value in self.parameters.items()}
-        judged = {"verdict": self.verdict, "flags": " ".join(flag.code for flag in self.flags)}
-        samples = int(np.isfinite(self.force).sum())
-        return {
-            "curve": self.run.name,
-            "track": self.track.name,
-            **numbers,
-            "rms": self.residual,
-            "prediction": self.prediction,
-            "samples": samples,
-            **judged,
-        }
+        """Return the row of ``fits.csv`` [SI]: values, uncertainties, verdicts, codes of flags."""
+        row: dict[str, str | float] = {"curve": self.run.name, "track": self.track.name}
+        for name, quantity in {**self.parameters, "surface": self.surface}.items():
+            row[name] = quantity.value
+            row[f"{name}_std"] = quantity.std
+            row[f"{name}_combined"] = quantity.combined
+        for name, quantity in self.parameters.items():
+            row[f"{name}_verdict"] = quantity.verdict
+        row["rms"] = self.residual
+        row["prediction"] = self.prediction
+        row["samples"] = int(np.isfinite(self.force).sum())
+        row["verdict"] = self.verdict
+        row["flags"] = " ".join(flag.code for flag in self.flags)
+        return row
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
         """Return a row for each parameter: value, std, combined, unit; in display units, or SI."""
         return self.run.summary(si).loc[self.track.name]
 
     def budget(self) -> pandas.DataFrame:
-        """Return every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
+        """Return every source of uncertainty with its contribution to each value, as a standard uncertainty [SI]."""
         return self.track.budget()
 
     @property
     def correlation(self) -> pandas.DataFrame:
-        """Correlation matrix of everything that was looked for, the surface among it."""
+        """Correlation matrix of all unknowns of the fit, the height of the surface among them."""
         from palpate_notebook.data_frames import correlation_frame
 
         return correlation_frame(self.track.document)
 
     def plot(self) -> Picture:
-        """Measured and modelled force over time and over depth, and what is left."""
+        """Return a picture of measured and modelled force over time and over depth, and of the residual."""
         from palpate_notebook.plotting import fit_picture
 
         return fit_picture(self.run, self.track.name)

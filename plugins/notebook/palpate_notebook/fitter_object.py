@@ -1,4 +1,4 @@
-"""A fit that is prepared once, for any number of records."""
+"""Fits that are prepared once, for any number of records."""
 
 from __future__ import annotations
 
@@ -36,26 +36,27 @@ from palpate_notebook.run_object import FinishedRun
 
 Rig = str | Path | Mapping[str, Any] | None
 Tip = Indenter | str | Mapping[str, Any] | None  # a part, words, or a table of a pipeline
-_NAMES = ("file", "sha256")  # keys of a device that name a record; all others say how it is read
+_RECORD_KEYS = ("file", "sha256")  # keys of a device that identify a record; the others state how it is read
 
 
 def facts_in(rig: Rig) -> RigFacts:
-    """Return the facts in a file, or of its keys; none of None. Raises ConfigurationError."""
+    """Return the facts of a file, or of a mapping of its keys; for None no facts. Raises ConfigurationError."""
     if rig is None:
         return RigFacts()
     if not isinstance(rig, Mapping):
         return read_rig(Path(rig))
     try:
         return facts_of(rig)
-    except ConfigurationError as error:  # which names options of the command line
-        words = str(error)
+    except ConfigurationError as error:
+        # The message names options of the command line: name the keys in their place.
+        message = str(error)
         for key in RigFacts.model_fields:
-            words = words.replace(f"{option_of(key)}:", f'rig["{key}"]:')
-        raise ConfigurationError(words) from error
+            message = message.replace(f"{option_of(key)}:", f'rig["{key}"]:')
+        raise ConfigurationError(message) from error
 
 
 class RecordEstimator:
-    """Models and estimators for any number of records; those that are read alike share one pipeline."""
+    """Models and estimators for any number of records; records that are read alike share one pipeline."""
 
     def __init__(
         self,
@@ -65,21 +66,24 @@ class RecordEstimator:
         uncertainties: Mapping[str, str | float] | None,
         rig: Rig = None,
     ) -> None:
-        for part, kind in ((models, "models"), (estimators, "estimators")):
-            if isinstance(part, str) or not part:
-                raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
-        self._models, self._rig, self._tip = tuple(models), rig, tip
+        """Prepare the tables that all records share; the arguments are those of `fit`. Raises ConfigurationError."""
+        for argument, parts in (("models", models), ("estimators", estimators)):
+            if isinstance(parts, str) or not parts:
+                raise ConfigurationError(f'{argument}: must be a list of parts or of their names, such as ["dr"]')
+        self._models = tuple(models)
+        self._rig = rig
+        self._tip = tip
         self._facts = facts_in(rig)
         if tip is None:
             self._tip = self._facts.tip
-        else:  # it goes before that of the file
+        else:  # the argument takes precedence over the facts
             self._facts = self._facts.model_copy(update={"tip": None})
         self._uncertainties = dict(uncertainties or {})
-        known = registry.load()
-        # Without a tip here, that of the record is expected.
-        self._model_tables = part_tables(models, "model", known, True)
-        self._estimator_tables = part_tables(estimators, "estimator", known, False)
-        self._latest: _KindOfRecord | None = None
+        parts_registry = registry.load()
+        # With a tip: if neither argument nor facts state one, that of the record is expected.
+        self._model_tables = part_tables(models, "model", parts_registry, with_tip=True)
+        self._estimator_tables = part_tables(estimators, "estimator", parts_registry, with_tip=False)
+        self._latest: _SharedTracks | None = None
 
     def pipeline(self, record: Record, name: str | None = None) -> Pipeline:
         """Return the pipeline of a record; raises ConfigurationError with every mistake at once."""
@@ -89,129 +93,149 @@ class RecordEstimator:
         return build_pipeline(source)
 
     def estimate(self, record: Record, name: str | None = None) -> FinishedRun:
-        """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
+        """Return the run of a record; raises ConfigurationError, and LogError where it cannot be read."""
         if not isinstance(record, Record):
-            made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
-            raise ConfigurationError(f"a {type(record).__name__} is not a record: {made}")
+            remedy = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
+            raise ConfigurationError(f"a {type(record).__name__} is not a record: {remedy}")
         tracks = self._tracks(record, name)
         pipeline = tracks.pipeline
-        devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}
-        text = self._text(pipeline, devices, record, name)
+        devices = _devices_of_record(pipeline.devices, record)
+        text = self._pipeline_text(pipeline, devices, record, name)
         for notice in pipeline.notices:
             warnings.warn(notice, stacklevel=4)
         with quietly():
             outcome = tracks.estimate(devices, name=name or record.name, text=text)
         return finished_run(FinishedRun, outcome, record)
 
-    def _text(self, pipeline: Pipeline, devices: Mapping[str, Device], record: Record, name: str | None) -> str:
-        """Return the pipeline as it is given; with the facts next to the record, as it is resolved."""
-        if not self._facts_beside(record):
+    def _pipeline_text(
+        self, pipeline: Pipeline, devices: Mapping[str, Device], record: Record, name: str | None
+    ) -> str:
+        """Return the text of the pipeline for the run: its tables, resolved if files next to the record add facts."""
+        if not self._fact_assignments(record):
             return tomli_w.dumps(self._tables(record, name))
         run = pipeline.run.model_copy(update={"name": name or record.name})
         return resolved_text(replace(pipeline, devices=devices, run=run))
 
     def _tables(self, record: Record, name: str | None) -> dict[str, Any]:
+        """Return the tables of the pipeline of a record."""
         run = {
             "name": name or record.name,
             "uncertainties": self._uncertainties,
             "assumed": list(record.assumed),
         }
-        facts: dict[str, Any] = {}
+        tables = {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment)}
         if self._rig is not None:
-            listed = record.facts.of_curve_list if record.facts is not None and not self._is_mapping else frozenset()
-            facts["rig"] = {key: value for key, value in plain_facts(self._facts).items() if key not in listed}
+            # Facts of the record's row of curves.csv take precedence over those of a file.
+            listed_keys: frozenset[str] = frozenset()
+            if record.facts is not None and not self._is_mapping:
+                listed_keys = record.facts.of_curve_list
+            tables["rig"] = {key: fact for key, fact in plain_facts(self._facts).items() if key not in listed_keys}
             if self._facts.measured and isinstance(self._rig, str | Path):
                 run["calibration"] = str(Path(self._rig).absolute())
-        tables = {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment), **facts}
         return {**tables, **self._part_tables(record)}
 
     def _part_tables(self, record: Record) -> dict[str, Any]:
         """Return the tables of tip, models and estimators; raises ConfigurationError where nothing states a tip."""
-        known = registry.load()
-        beside = record.facts.facts.tip if record.facts is not None else None
-        is_listed = record.facts is not None and "tip" in record.facts.of_curve_list
-        tip = beside if self._tip is None or (is_listed and self._tip == self._facts.tip) else self._tip
+        parts_registry = registry.load()
+        tip = self._tip_for(record)
         if tip is None:
-            models = part_tables(self._models, "model", known, False)
+            models = part_tables(self._models, "model", parts_registry, with_tip=False)
             return {"model": models, "estimator": self._estimator_tables}
         return {
-            "indenter": {"tip": _tip_table(tip, known)},
+            "indenter": {"tip": _tip_table(tip, parts_registry)},
             "model": self._model_tables,
             "estimator": self._estimator_tables,
         }
 
+    def _tip_for(self, record: Record) -> Tip:
+        """Return the tip for a record: of the arguments, else of its row of curves.csv, of `rig`, or next to it."""
+        if record.facts is None:
+            return self._tip
+        is_listed = "tip" in record.facts.of_curve_list
+        is_of_rig = self._tip == self._facts.tip
+        return record.facts.facts.tip if self._tip is None or (is_listed and is_of_rig) else self._tip
+
     @property
     def _is_mapping(self) -> bool:
-        """The facts of `rig` are options, and not a file in place of that next to the record."""
+        """True if `rig` is a mapping, which adds to the file next to the record, where a file replaces it."""
         return isinstance(self._rig, Mapping)
 
-    def _facts_beside(self, record: Record) -> list[str]:
-        """Return the facts next to a record, as ``--set``, but for those that the arguments state."""
-        stated = record.facts
-        if stated is None:
+    def _fact_assignments(self, record: Record) -> list[str]:
+        """Return the facts of files next to a record that no argument states, as ``--set``."""
+        facts = record.facts
+        if facts is None:
             return []
         if self._rig is not None and not self._is_mapping:
-            stated = stated.without(RigFacts.model_fields.keys() - stated.of_curve_list)
-        labelled = zip(self._model_tables, self._models, strict=True)
-        keys = [
-            f"model.{name}.{key}" for name, part in labelled if isinstance(part, Part) for key in part.model_fields_set
-        ]
-        keys += [f"run.uncertainties.{key}" for key in self._uncertainties]
+            facts = facts.without(RigFacts.model_fields.keys() - facts.of_curve_list)
+        # The facts that settings of the models and uncertainties state.
+        settings = []
+        for label, part in zip(self._model_tables, self._models, strict=True):
+            if isinstance(part, Part):
+                settings += [f"model.{label}.{key}" for key in part.model_fields_set]
+        settings += [f"run.uncertainties.{key}" for key in self._uncertainties]
         tables = {"alignment": dict(record.alignment), "model": self._model_tables}
-        known = facts_set(stated.facts, [f"{key}=0" for key in keys], tables, registry.load())
+        stated = facts_set(facts.facts, [f"{key}=0" for key in settings], tables, registry.load())
         options = plain_facts(self._facts).keys() if self._is_mapping else ()
-        return list(stated.without({*known, *options, "tip"}).overrides)
+        return list(facts.without({*stated, *options, "tip"}).overrides)
 
     def _assignments(self, record: Record) -> list[str]:
-        """Return the facts next to a record and what goes before them, as ``--set``."""
-        facts = self._facts_beside(record)
-        own = [f"run.uncertainties.{key}={json.dumps(value)}" for key, value in self._uncertainties.items()]
-        return [*facts, *own] if facts else []
+        """Return the facts of files next to a record, then the uncertainties that override them, as ``--set``."""
+        facts = self._fact_assignments(record)
+        uncertainties = [f"run.uncertainties.{key}={json.dumps(u)}" for key, u in self._uncertainties.items()]
+        return [*facts, *uncertainties] if facts else []
 
     def _tracks(self, record: Record, name: str | None) -> RecordTracks:
-        """Return the tracks of records that are read like this one; those of the latest kind are kept."""
-        ways = {key: {k: v for k, v in table.items() if k not in _NAMES} for key, table in record.devices.items()}
+        """Return the tracks of records that are read like this one; those of the latest call are kept."""
+        reading_settings = {}
+        for device_name, table in record.devices.items():
+            reading_settings[device_name] = {key: entry for key, entry in table.items() if key not in _RECORD_KEYS}
         facts = self._assignments(record), self._part_tables(record).get("indenter")
-        kind = json.dumps([ways, dict(record.alignment), record.assumed, str(record.path.parent), facts], default=repr)
-        if self._latest is not None and self._latest.kind == kind:
-            known = self._latest.tracks.pipeline.devices
-            if self._latest.streams == _streams(
-                {key: _named_as(known[key], table) for key, table in record.devices.items()}
-            ):
-                return self._latest.tracks
+        key = json.dumps(
+            [reading_settings, dict(record.alignment), record.assumed, str(record.path.parent), facts], default=repr
+        )
+        latest = self._latest
+        if latest is not None and latest.key == key:
+            # Files with the same settings may still have other channels.
+            devices = _devices_of_record(latest.tracks.pipeline.devices, record)
+            if latest.streams == _streams(devices):
+                return latest.tracks
         pipeline = self.pipeline(record, name)
-        self._latest = _KindOfRecord(kind, _streams(pipeline.devices), RecordTracks(pipeline))
+        self._latest = _SharedTracks(key, _streams(pipeline.devices), RecordTracks(pipeline))
         return self._latest.tracks
 
 
-def _tip_table(tip: Tip, known: Registry) -> dict[str, Any]:
+def _tip_table(tip: Tip, parts_registry: Registry) -> dict[str, Any]:
     """Return the table of a tip that is stated in any of its forms; raises ConfigurationError."""
     if isinstance(tip, str):
-        return tip_table(tip, known)
-    return dict(tip) if isinstance(tip, Mapping) else table_of(tip, "tip", "indenter", known)
+        return tip_table(tip, parts_registry)
+    return dict(tip) if isinstance(tip, Mapping) else table_of(tip, "tip", "indenter", parts_registry)
 
 
 @dataclass(frozen=True)
-class _KindOfRecord:
-    """How records are read that share their tracks."""
+class _SharedTracks:
+    """Tracks of records that are read alike."""
 
-    kind: str  # what is declared of them
+    key: str  # JSON of settings and declarations that the records share
     streams: list[tuple[Stream, ...]]  # of each device
     tracks: RecordTracks
 
 
 def _streams(devices: Mapping[str, Device]) -> list[tuple[Stream, ...]]:
+    """Return the streams of each device."""
     return [device.streams for device in devices.values()]
 
 
-def _named_as(device: Device, table: Mapping[str, Any]) -> Device:
-    """Return the device with the record that a table names."""
-    named = {key: Path(table[key]) if key == "file" else table[key] for key in _NAMES if key in table}
-    return device.model_copy(update=named)
+def _devices_of_record(devices: Mapping[str, Device], record: Record) -> dict[str, Device]:
+    """Return the devices of a pipeline, each reading the file or memory of a record."""
+    record_devices = {}
+    for name, table in record.devices.items():
+        identity = {key: Path(table[key]) if key == "file" else table[key] for key in _RECORD_KEYS if key in table}
+        record_devices[name] = devices[name].model_copy(update=identity)
+    return record_devices
 
 
 class Fitter:
-    """A fit that is prepared once: the same tip, model and estimator for any number of records."""
+    """Fit that is prepared once: the same tip, model and estimator for any number of records."""
 
     def __init__(self, estimator: RecordEstimator) -> None:
         self._estimator = estimator
@@ -230,18 +254,18 @@ class Fitter:
         progress: Callable[[int], object] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> Iterator[Fit | PalpateError]:
-        """Yield the fit of each record in their order, or the error by which it is refused; the others are fitted.
+        """Yield the fit of each record in their order, or the error of a record that is refused.
 
-        `progress` gets how many are done; where `cancelled` answers True, no further record is begun.
+        `progress` gets the number of records that are done; once `cancelled` returns True, no other record is begun.
         """
         for count, record in enumerate(records, start=1):
             if cancelled is not None and cancelled():
                 return
-            found: Fit | PalpateError
+            outcome: Fit | PalpateError
             try:
-                found = self.fit(record)
+                outcome = self.fit(record)
             except PalpateError as error:
-                found = error
-            yield found
+                outcome = error
+            yield outcome
             if progress is not None:
                 progress(count)

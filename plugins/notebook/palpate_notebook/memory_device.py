@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from palpate import Batch, Channel, Device, Floats, Link, LogError, Stream
 from pydantic import Field
 
-_BLOCK = 4096  # readings in one batch
+_BATCH_SIZE = 4096  # readings in one batch: a choice
+_NANOSECOND = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class NamedColumns:
-    """Readings that share their instants; named by what they hold."""
+    """Readings that share their time-stamps, identified by a digest of their contents."""
 
     time: NDArray[np.int64]  # (n,) [ns]
     values: Floats  # (n, k) [SI]
@@ -26,21 +27,24 @@ class NamedColumns:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that is in it."""
-        found = hashlib.sha256(repr(self.channels).encode())
-        found.update(np.ascontiguousarray(self.time, "<i8").tobytes())
-        found.update(np.ascontiguousarray(self.values, "<f8").tobytes())
-        return found.hexdigest()
+        """The SHA-256 of channels, time-stamps and values."""
+        digest = hashlib.sha256(repr(self.channels).encode())
+        digest.update(np.ascontiguousarray(self.time, "<i8").tobytes())
+        digest.update(np.ascontiguousarray(self.values, "<f8").tobytes())
+        return digest.hexdigest()
 
 
-# By digest, for as long as the record is in use: a pipeline names its readings by what is in them.
-_HELD: WeakValueDictionary[str, NamedColumns] = WeakValueDictionary()
+# By digest, for as long as a record refers to them: a pipeline names its readings by their digest.
+_REGISTERED: WeakValueDictionary[str, NamedColumns] = WeakValueDictionary()
 
 
 def register_readings(columns: NamedColumns) -> tuple[str, NamedColumns]:
-    """Make readings known to this process; answers their digest, and those of the same contents that are to be kept."""
+    """Register readings in this process; return their digest, and the registered readings of the same contents.
+
+    Readings stay registered as long as the caller keeps the returned ones.
+    """
     digest = columns.digest
-    return digest, _HELD.setdefault(digest, columns)
+    return digest, _REGISTERED.setdefault(digest, columns)
 
 
 class MemoryRecord(Device):
@@ -50,15 +54,15 @@ class MemoryRecord(Device):
 
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """One stream without a name: channels are addressed as ``device.channel``."""
+        """The stream, without a name: channels are addressed as ``device.channel``."""
         channels = tuple(Channel(name, unit) for name, unit in self._columns.channels)
         return (Stream("", channels, None, clock="record"),)
 
     @property
     def duration(self) -> float | None:
-        """From the first reading to the last [s]."""
+        """The time from the first reading to the last [s]."""
         time = self._columns.time
-        return float(time[-1] - time[0]) * 1e-9
+        return float(time[-1] - time[0]) * _NANOSECOND
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -67,27 +71,30 @@ class MemoryRecord(Device):
 
     @contextmanager
     def connect(self, seed: int) -> Iterator[Link]:
-        """The readings."""
+        """Yield a link to the readings."""
         yield _MemoryLink(self._columns)
 
     @property
     def _columns(self) -> NamedColumns:
-        found = _HELD.get(self.sha256)
-        if found is None:
+        """The registered readings; raises LogError where they are not in memory."""
+        columns = _REGISTERED.get(self.sha256)
+        if columns is None:
             raise LogError(
                 f"the record {self.sha256[:12]}... is not in the memory of this process: make it with palpate.record "
                 "and keep it while it is used"
             )
-        return found
+        return columns
 
 
 @dataclass(frozen=True)
 class _MemoryLink:
+    """Link to readings in memory."""
+
     columns: NamedColumns
 
     def batches(self) -> Iterator[Batch]:
-        """Yield the readings in their order, some thousand at a time."""
-        for begin in range(0, len(self.columns.time), _BLOCK):
-            rows = slice(begin, begin + _BLOCK)
+        """Yield the readings in their order, in batches."""
+        for first in range(0, len(self.columns.time), _BATCH_SIZE):
+            rows = slice(first, first + _BATCH_SIZE)
             stamps = self.columns.time[rows]
             yield Batch("", stamps, stamps, self.columns.values[rows])

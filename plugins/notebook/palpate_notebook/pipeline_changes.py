@@ -1,4 +1,4 @@
-"""A pipeline file that is going to be run, with changes on top."""
+"""A pipeline file with changed settings, to be run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @with_suggestions
 @dataclass(frozen=True)
 class Draft:
-    """A pipeline file and changes on top; every change makes a new draft."""
+    """Pipeline file with changed settings; every change makes a new draft."""
 
     path: Path
     text: str
@@ -34,7 +34,7 @@ class Draft:
 
     @property
     def source(self) -> Source:
-        """The text with the changes applied; raises ConfigurationError."""
+        """The text of the file with the changes; raises ConfigurationError."""
         source = Source(self.text, self.path, named=True)
         for change in self.changes:
             source.override(change)
@@ -45,7 +45,7 @@ class Draft:
         return build_pipeline(self.source)
 
     def run(self, folder: str | Path | None = None, *, seed: int | None = None) -> FinishedRun:
-        """Run it; without a `folder` nothing of it stays, but what a live robot did, which goes to runs/.
+        """Run the pipeline into a `folder`; without one nothing is kept, except the run of a live robot, in runs/.
 
         Raises ConfigurationError with every mistake of the file, DeviceError where a device fails, StoppedError where
         the user stops it.
@@ -62,14 +62,17 @@ class Draft:
 
 
 def toml_value(key: str, value: object) -> str:
-    """Return a value as TOML writes it; raises ConfigurationError for one that it cannot."""
+    """Return a value in TOML; raises ConfigurationError for one that TOML cannot write.
+
+    Arrays, ranges and tuples become lists, quantities plain numbers, and paths texts.
+    """
     plain: Any = value
     if hasattr(plain, "tolist"):
         plain = plain.tolist()
     elif isinstance(value, range | tuple):
         plain = list(value)
     elif isinstance(value, float):
-        plain = float(value)  # of a quantity, which is printed with its unit
+        plain = float(value)  # a quantity would be printed with its unit
     if isinstance(plain, Path):
         plain = str(plain)
     if isinstance(plain, dict):
@@ -81,8 +84,7 @@ def toml_value(key: str, value: object) -> str:
 
 
 def load(path: str | Path) -> Draft:
-    """Return a pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is not
-    TOML."""
+    """Return a pipeline file, to be changed and run; raises ConfigurationError for one that is not readable TOML."""
     source = Source.read(Path(path))
     return Draft(source.path, source.text)
 

@@ -1,4 +1,4 @@
-"""A value with its unit, its uncertainty, and what that is made of."""
+"""A value with its unit, its uncertainty, and the budget of the uncertainty."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     import pint
     import uncertainties
 
-_NUMBERS = ("value", "std", "combined")
-_SPEC = re.compile(r"(?P<pad>(?:.?[<>^])?)(?P<sign>[+ -]?)(?P<width>\d*)(?P<group>[,_]?)(?P<digits>(?:\.\d+)?[eEfFgG])")
+_FORMAT = re.compile(
+    r"(?P<pad>(?:.?[<>^])?)(?P<sign>[+ -]?)(?P<width>\d*)(?P<group>[,_]?)(?P<digits>(?:\.\d+)?[eEfFgG])"
+)
 
 
 @with_suggestions
@@ -30,7 +31,7 @@ _SPEC = re.compile(r"(?P<pad>(?:.?[<>^])?)(?P<sign>[+ -]?)(?P<width>\d*)(?P<grou
 class UncertainQuantity(float):
     """A value and its standard uncertainties, in SI; printed in display units.
 
-    It is a number, its value in SI, wherever a number is expected: arithmetic gives plain numbers, without uncertainty.
+    Wherever a number is expected it is its value in SI; arithmetic gives plain numbers, without uncertainty.
 
     >>> elasticity = UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa")
     >>> print(elasticity)
@@ -42,30 +43,33 @@ class UncertainQuantity(float):
 
     name: str
     value: float
-    std: float  # standard deviation, as the estimator gives it
-    combined: float  # standard uncertainty of all parts together; NaN where it is not known
+    std: float  # standard deviation by the estimator
+    combined: float  # combined standard uncertainty; NaN where it is not known
     unit: str
     budget: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty by source
-    caveat: str = ""  # what has to hold where it follows from other parameters
-    verdict: str = ""  # good, doubtful, not determined, invalid, or needs and the fact that it needs
+    caveat: str = ""  # condition under which it follows from other parameters
+    verdict: str = ""  # good, doubtful, not determined, invalid, or needs and the missing fact
 
     def __new__(cls, name: str, value: float, *_: object, **__: object) -> UncertainQuantity:
-        """Return the number that it is."""
+        """Return a number with the value."""
         return super().__new__(cls, value)
 
     @classmethod
     def of(cls, name: str, table: Mapping[str, Any], budget: Mapping[str, float] | None = None) -> UncertainQuantity:
-        """From a value's table in ``result.json``."""
-        value, std, combined = (math.nan if table.get(key) is None else table[key] for key in _NUMBERS)
+        """Return the quantity of a value's table in ``result.json``."""
+
+        def number(key: str) -> float:
+            return math.nan if table.get(key) is None else table[key]
+
         return cls(
             name,
-            value,
-            std,
-            combined,
-            table["unit"],
-            dict(budget or {}),
-            table.get("caveat", ""),
-            table.get("verdict", ""),
+            number("value"),
+            std=number("std"),
+            combined=number("combined"),
+            unit=table["unit"],
+            budget=dict(budget or {}),
+            caveat=table.get("caveat", ""),
+            verdict=table.get("verdict", ""),
         )
 
     def to(self, unit: str) -> float:
@@ -76,24 +80,25 @@ class UncertainQuantity(float):
             raise ConfigurationError(f"{self.name}: {error}") from error
 
     def to_uncertainties(self) -> uncertainties.UFloat:
-        """Value and combined uncertainty [SI] as a number of `uncertainties`, independent of every other.
+        """Return value and combined uncertainty [SI] as a number of `uncertainties`, independent of all others.
 
         Raises UserError where that library is not installed.
         """
         return library("uncertainties").ufloat(self.value, self.combined, self.name)
 
     def to_pint(self, units: pint.UnitRegistry[Any] | None = None) -> pint.Quantity[Any]:
-        """Value and combined uncertainty as a quantity of `pint`, in its application's registry or another one.
+        """Return value and combined uncertainty as a quantity of `pint`, in a registry or the application's one.
 
         Raises UserError where `pint` or `uncertainties` is not installed.
         """
-        chosen = units if units is not None else library("pint").get_application_registry()
-        found: pint.Quantity[Any] = chosen.Quantity(self.to_uncertainties(), "" if self.unit == "1" else self.unit)  # pyright: ignore[reportAssignmentType]
-        return found
+        unit_registry = units if units is not None else library("pint").get_application_registry()
+        unit = "" if self.unit == "1" else self.unit
+        quantity: pint.Quantity[Any] = unit_registry.Quantity(self.to_uncertainties(), unit)  # pyright: ignore[reportAssignmentType]
+        return quantity
 
     @property
     def number(self) -> str:
-        """The value and its combined uncertainty in display units, without that unit."""
+        """The value and its combined uncertainty in display units, without the unit."""
         factor = display_unit(self.unit)[1]
         return value_with_uncertainty(self.value * factor, self.combined * factor)
 
@@ -101,14 +106,16 @@ class UncertainQuantity(float):
         return self.name, self.value
 
     def __format__(self, spec: str) -> str:
-        """Both numbers by a specification such as ".1f", in display units; the whole text by any other."""
-        match = _SPEC.fullmatch(spec)
+        """Return both numbers by a numeric specification such as ".1f", in display units; else the text by `spec`."""
+        match = _FORMAT.fullmatch(spec)
         if match is None:
             return format(str(self), spec)
         unit, factor = display_unit(self.unit)
-        value = format(self.value * factor, match["sign"] + match["group"] + match["digits"])
-        std = "?" if math.isnan(self.combined) else format(self.combined * factor, match["group"] + match["digits"])
-        return format(f"{value} ± {std} {unit}".removesuffix(" 1"), (match["pad"] or ">") + match["width"])
+        number_spec = match["group"] + match["digits"]
+        value = format(self.value * factor, match["sign"] + number_spec)
+        uncertainty = "?" if math.isnan(self.combined) else format(self.combined * factor, number_spec)
+        # Fill and width apply to the whole text, right-aligned like a number.
+        return format(f"{value} ± {uncertainty} {unit}".removesuffix(" 1"), (match["pad"] or ">") + match["width"])
 
     def __str__(self) -> str:
         text = f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
@@ -118,10 +125,10 @@ class UncertainQuantity(float):
         return str(self)
 
     def _repr_html_(self) -> str:
-        """Name and value, and what the uncertainty is made of, the largest part first."""
+        """Return name and value as HTML, with the table of the contributions to the uncertainty, largest first."""
         unit, factor = display_unit(self.unit)
-        shares = sorted(self.budget.items(), key=lambda item: -abs(item[1]))
-        rows = [[source, f"{abs(share) * factor:.2g}"] for source, share in shares]
+        contributions = sorted(self.budget.items(), key=lambda item: -abs(item[1]))
+        rows = [[source, f"{abs(contribution) * factor:.2g}"] for source, contribution in contributions]
         table = html_table(["source of uncertainty", f"u [{unit}]"], rows) if rows else ""
         caveat = f"<br>{escape(self.caveat)}" if self.caveat else ""
         return f"<b>{escape(self.name)}</b> {escape(str(self))}{caveat}{table}"

@@ -1,4 +1,4 @@
-"""Records from tables of pandas: their columns are recognised as those of a file."""
+"""Records from tables of pandas, whose columns are recognised like those of a file."""
 
 from __future__ import annotations
 
@@ -19,60 +19,65 @@ from palpate_notebook.record_object import Record
 _DEVICE = "record"
 
 
-def record_of(given: Any, signals: Mapping[str, str | float] | None = None) -> Record:
-    """Return a record as it is, one of a log by its path, or one of a table of pandas.
+def record_of(data: Any, signals: Mapping[str, str | float] | None = None) -> Record:
+    """Return the record of a record itself, of a log by its path, or of a table of pandas.
 
     The columns of a table are recognised by their names and numbers, as those of a CSV file (``force_N``,
     ``height [mm]``); units may also be in ``frame.attrs["units"]``. `signals` as in `palpate.read`. Raises
     ConfigurationError, LogError.
     """
-    if isinstance(given, Record):
-        return given
-    if isinstance(given, str | Path):
-        return read(given, signals)
-    if not (hasattr(given, "to_csv") and hasattr(given, "columns")):
-        made = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
-        raise ConfigurationError(f"a {type(given).__name__} is not a record: {made}")
-    return _of_frame(given, signals)
+    if isinstance(data, Record):
+        return data
+    if isinstance(data, str | Path):
+        return read(data, signals)
+    if not (hasattr(data, "to_csv") and hasattr(data, "columns")):
+        remedy = "palpate.read(path) makes one of a file, palpate.record(...) of arrays"
+        raise ConfigurationError(f"a {type(data).__name__} is not a record: {remedy}")
+    return _frame_record(data, signals)
 
 
-def _of_frame(frame: Any, signals: Mapping[str, str | float] | None) -> Record:
+def _frame_record(frame: Any, signals: Mapping[str, str | float] | None) -> Record:
+    """Return the record of a table of pandas: it is written as a CSV file and read like one, then kept in memory."""
     units = frame.attrs.get("units", {})
-    named = frame.rename(columns={name: f"{name} [{unit}]" for name, unit in units.items()})
-    with TemporaryDirectory(prefix="palpate-") as place:
-        path = Path(place) / "table.csv"
-        named.to_csv(path, index=frame.index.name is not None)
+    labelled = frame.rename(columns={name: f"{name} [{unit}]" for name, unit in units.items()})
+    with TemporaryDirectory(prefix="palpate-") as folder:
+        path = Path(folder) / "table.csv"
+        labelled.to_csv(path, index=frame.index.name is not None)
         try:
-            found = read(path, signals)
+            log_record = read(path, signals)
         except LogError as error:
             raise LogError(str(error).replace(str(path), "table")) from error
-        readings, names = _readings(source_of(found.name, found.path, {"device": dict(found.devices)}))
-    digest, kept = register_readings(NamedColumns(*readings, names))
-    (device,) = found.devices
-    alignment = {role: _moved(signal, device) for role, signal in found.alignment.items()}
-    assumed = tuple(key for key in found.assumed if key.startswith("alignment."))
+        source = source_of(log_record.name, log_record.path, {"device": dict(log_record.devices)})
+        digest, columns = register_readings(_read_columns(source))
+    # The same alignment, with the record in memory in place of the log.
+    (log_name,) = log_record.devices
+    alignment = {key: _with_memory_device(entry, log_name) for key, entry in log_record.alignment.items()}
     return Record(
-        "table", {_DEVICE: {"type": "memory-record", "sha256": digest}}, alignment, doubts=found.doubts, columns=kept,
-        assumed=assumed,
-    )  # fmt: skip
+        name="table",
+        devices={_DEVICE: {"type": "memory-record", "sha256": digest}},
+        alignment=alignment,
+        doubts=log_record.doubts,
+        columns=columns,
+        assumed=tuple(key for key in log_record.assumed if key.startswith("alignment.")),
+    )
 
 
-def _readings(source: Source) -> tuple[tuple[Any, Any], tuple[tuple[str, str], ...]]:
-    """Time-stamps and values of the one stream of a log, with names and units of its channels."""
+def _read_columns(source: Source) -> NamedColumns:
+    """Return the readings of a log of one device with one stream."""
     (device,) = build_parts(source, "device").values()
     with device.connect(0) as link:
         batches = list(link.batches())
-    names = tuple((channel.name, channel.unit) for channel in device.streams[0].channels)
-    columns = [np.concatenate([getattr(batch, key) for batch in batches]) for key in ("time", "values")]
-    return (columns[0], columns[1]), names
-
-
-def _moved(signal: Any, device: str) -> Any:
-    """Return a signal of the alignment whose channel is one of the record in memory."""
-    if isinstance(signal, Mapping) and "channel" in signal:
-        return {**signal, "channel": _moved(signal["channel"], device)}
-    return (
-        f"{_DEVICE}{signal.removeprefix(device)}"
-        if isinstance(signal, str) and signal.startswith(f"{device}.")
-        else signal
+    return NamedColumns(
+        time=np.concatenate([batch.time for batch in batches]),
+        values=np.concatenate([batch.values for batch in batches]),
+        channels=tuple((channel.name, channel.unit) for channel in device.streams[0].channels),
     )
+
+
+def _with_memory_device(entry: Any, log_name: str) -> Any:
+    """Return an entry of the alignment with the device in memory in place of the log, if it names a channel."""
+    if isinstance(entry, Mapping) and "channel" in entry:
+        return {**entry, "channel": _with_memory_device(entry["channel"], log_name)}
+    if isinstance(entry, str) and entry.startswith(f"{log_name}."):
+        return f"{_DEVICE}{entry.removeprefix(log_name)}"
+    return entry

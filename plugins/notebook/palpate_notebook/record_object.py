@@ -1,4 +1,4 @@
-"""Records: readings, and what is declared of them."""
+"""Records: readings with their declarations."""
 
 from __future__ import annotations
 
@@ -27,47 +27,50 @@ if TYPE_CHECKING:
     from palpate_notebook.figure_object import Picture
 
 _UNITS = {"force": "N", "height": "m", "velocity": "m/s", "x": "m", "y": "m", "measuring": "1"}
-_ROLES = {"height": "position", "x": "lateral_x", "y": "lateral_y"}  # by column, where it is called otherwise
-LONG_INTERVAL = 0.5  # [s] between readings; sensors of force read far more often, and 2 ms read as 2 s
+_ROLES = {"height": "position", "x": "lateral_x", "y": "lateral_y"}  # in [alignment], where a column has another name
+LONG_INTERVAL = 0.5  # [s] between readings, a choice: force sensors are far faster; 2 ms taken as seconds are 2 s
+_NANOSECOND = 1e-9  # [s]
+_SECOND = 1e9  # [ns]
 _SIGNALS = ("force", "height", "velocity")
 
 
 @with_suggestions
 @dataclass(frozen=True)
 class Record:
-    """Readings and what is declared of them: everything of a pipeline that does not concern model and estimator."""
+    """Readings with their declarations: the tables of a pipeline that do not concern model and estimator."""
 
     name: str
     devices: Mapping[str, Any]  # tables by name, as in a pipeline file
     alignment: Mapping[str, Any]  # the table, as in a pipeline file
-    path: Path = Path("record")  # of a log; what messages call it
-    doubts: tuple[str, ...] = ()  # what was guessed
+    path: Path = Path("record")  # of a log, as in messages
+    doubts: tuple[str, ...] = ()  # sentences on guesses
     columns: NamedColumns | None = field(default=None, repr=False)  # of a record in memory
     assumed: tuple[str, ...] = ()  # keys such as "alignment.force.delay" that are not stated
     facts: StatedFacts | None = field(default=None, repr=False)  # of rig.toml and curves.csv next to its file
 
     @property
     def samples(self) -> xarray.Dataset:
-        """What the readings become before any model: aligned, tared; dimension time, units in the attributes."""
+        """The samples, aligned and tared, before any model; dimension time, units in the attributes."""
         from palpate_notebook.datasets import samples_dataset
 
         return samples_dataset(self._aligned)
 
     @property
     def readings(self) -> dict[str, Batch]:
-        """The readings as the devices send them, by "device.stream"; of a record that the alignment refuses, too."""
+        """The readings as the devices send them, by "device.stream", even of a record that the alignment refuses."""
         from palpate_notebook.record_readings import readings_of
 
         return readings_of(source_of(self.name, self.path, {"device": dict(self.devices)}))
 
     def plot(self) -> Picture:
-        """Force, height and velocity over time."""
+        """Return a picture of force, height and velocity over time."""
         from palpate_notebook.plotting import samples_picture
 
         return samples_picture(self._aligned, self.name)
 
     @property
     def _aligned(self) -> Samples:
+        """The samples by the tables of the record, and by the facts of files next to it."""
         from palpate_notebook.record_readings import samples_of
 
         tables = {"device": dict(self.devices), "alignment": dict(self.alignment)}
@@ -78,31 +81,32 @@ class Record:
 
     @property
     def _size(self) -> str:
+        """Number of readings and duration in words; empty for a log."""
         if self.columns is None:
             return ""
-        span = float(self.columns.time[-1] - self.columns.time[0]) * 1e-9
-        return f": {len(self.columns.time)} readings, {span:.4g} s"
+        duration = float(self.columns.time[-1] - self.columns.time[0]) * _NANOSECOND
+        return f": {len(self.columns.time)} readings, {duration:.4g} s"
 
     def __repr__(self) -> str:
         declared = ", ".join(f"{key} {value}" for key, value in self.alignment.items() if not isinstance(value, dict))
-        doubts = "".join(f"\n  check: {text}" for text in self.doubts)
-        facts = "" if self.facts is None else "".join(f"\n  {text}" for text in self.facts.origins)
+        doubts = "".join(f"\n  check: {doubt}" for doubt in self.doubts)
+        facts = "" if self.facts is None else "".join(f"\n  {origin}" for origin in self.facts.origins)
         return f"<Record {self.name}{self._size}; {declared or 'nothing declared'}>{facts}{doubts}"
 
     def _repr_html_(self) -> str:
-        """What is read from where, what is declared, and what was guessed."""
-        rows = [[key, _told(value)] for key, value in self.alignment.items()]
-        doubts = "".join(f"<li>check: {escape(printable(text))}</li>" for text in self.doubts)
+        """Return the table of the alignment and the doubts as HTML."""
+        rows = [[key, _entry_text(entry)] for key, entry in self.alignment.items()]
+        doubts = "".join(f"<li>check: {escape(printable(doubt))}</li>" for doubt in self.doubts)
         title = f"<b>{escape(printable(self.name))}</b>{escape(self._size)}"
         return f"{title}{html_table(['alignment', ''], rows)}{f'<ul>{doubts}</ul>' if doubts else ''}"
 
 
-def _told(value: object) -> str:
-    """Return a setting of the alignment; of a signal its channel first, then its keys."""
-    if not isinstance(value, Mapping):
-        return printable(str(value))
-    others = (f"{key} {item}" for key, item in value.items() if key != "channel")
-    return printable(", ".join([str(value.get("channel", "")), *others]).removeprefix(", "))
+def _entry_text(entry: object) -> str:
+    """Return an entry of the alignment as text; of a signal its channel first, then its other keys."""
+    if not isinstance(entry, Mapping):
+        return printable(str(entry))
+    settings = (f"{key} {setting}" for key, setting in entry.items() if key != "channel")
+    return printable(", ".join([str(entry.get("channel", "")), *settings]).removeprefix(", "))
 
 
 @explains_arguments
@@ -139,30 +143,35 @@ def record(
 
     Raises ConfigurationError for columns that do not fit together, or are not numbers.
     """
-    given = {"force": force, "height": height, "velocity": velocity, "x": x, "y": y, "measuring": measuring}
-    columns = _columns(given, units or {})
-    stamped = _stamps(time, rate, columns, (units or {}).get("time"))
-    _demand_equal_lengths({"time": len(stamped), **{key: len(column) for key, column in columns.items()}})
-    doubts = _doubts(stamped)
-    for text in doubts:
-        warnings.warn(f"{name}: {text}", stacklevel=3)
-    names = tuple((key, _UNITS[key]) for key in columns)
-    digest, kept = register_readings(NamedColumns(stamped, np.column_stack(list(columns.values())), names))
+    arguments = {"force": force, "height": height, "velocity": velocity, "x": x, "y": y, "measuring": measuring}
+    columns = _columns(arguments, units or {})
+    time_stamps = _time_stamps(time, rate, columns, (units or {}).get("time"))
+    _demand_equal_lengths({"time": len(time_stamps), **{key: len(column) for key, column in columns.items()}})
+    doubts = _doubts(time_stamps)
+    for doubt in doubts:
+        warnings.warn(f"{name}: {doubt}", stacklevel=3)
+    # The readings are kept in memory; the device of the record names them by their digest.
+    channels = tuple((key, _UNITS[key]) for key in columns)
+    digest, kept = register_readings(NamedColumns(time_stamps, np.column_stack(list(columns.values())), channels))
     table = alignment_table(
         {_ROLES.get(key, key): f"record.{key}" for key in columns}, timing, delay, sign, tip_mass, tare, alignment
     )
     return Record(name, {"record": {"type": "memory-record", "sha256": digest}}, table, doubts=doubts, columns=kept)
 
 
-def _columns(given: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
-    """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for anything else."""
-    for key in units.keys() - {*given, "time"}:
-        raise ConfigurationError(f"units: no column {key!r}{suggest(key, [*given, 'time'])}")
-    there = {key: value for key, value in given.items() if value is not None}
-    return {key: numbers(key, value, _UNITS[key], units.get(key)) for key, value in there.items()}
+def _columns(arguments: Mapping[str, ArrayLike | None], units: Mapping[str, str]) -> dict[str, Floats]:
+    """Return columns (n,) [SI] of the arguments that are not None; raises ConfigurationError for anything else."""
+    for key in units.keys() - {*arguments, "time"}:
+        raise ConfigurationError(f"units: no column {key!r}{suggest(key, [*arguments, 'time'])}")
+    columns = {}
+    for key, data in arguments.items():
+        if data is not None:
+            columns[key] = numbers(key, data, _UNITS[key], units.get(key))
+    return columns
 
 
 def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
+    """Raise ConfigurationError for columns of different lengths, or of less than two readings."""
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
         raise ConfigurationError(f"the columns of a record must be equally long: {listed}")
@@ -170,33 +179,34 @@ def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
         raise ConfigurationError(f"a record of {lengths['time']} readings is too short")
 
 
-def _doubts(stamped: NDArray[np.int64]) -> tuple[str, ...]:
-    """Return what is not certain of time-stamps (n,) [ns]; raises ConfigurationError for those that run backwards."""
-    steps = np.diff(stamped)
+def _doubts(time_stamps: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return sentences on doubtful time-stamps (n,) [ns]; raises ConfigurationError for those that run backwards."""
+    steps = np.diff(time_stamps)
     if (steps < 0).all():
         raise ConfigurationError("time: runs backwards from the first reading to the last; turn all columns round")
     if (steps < 0).any():
         raise ConfigurationError(f"time: runs backwards at reading {int(np.argmax(steps < 0)) + 1}; sort the readings")
-    interval = 1e-9 * float(np.median(steps))
+    interval = _NANOSECOND * float(np.median(steps))
     if interval < LONG_INTERVAL:
         return ()
     return (f'time: a reading every {interval:.3g} s: is the time in ms? Then write units={{"time": "ms"}}',)
 
 
-def _stamps(
+def _time_stamps(
     time: ArrayLike | None, rate: str | float | None, columns: Mapping[str, Floats], unit: str | None
 ) -> NDArray[np.int64]:
+    """Return time-stamps (n,) [ns] by a time, plain numbers in a unit (None: s), or by a rate; exactly one is given."""
     if (time is None) == (rate is None):
         raise ConfigurationError('give either time=, in seconds, or rate="500 Hz"')
     if time is not None:
         return stamps(time, unit)
     try:
-        hertz = to_si(rate, "Hz")
+        frequency = to_si(rate, "Hz")
     except ValueError as error:
         raise ConfigurationError(f"rate: {error}") from error
-    if hertz <= 0:
+    if frequency <= 0:
         raise ConfigurationError(f"rate: {rate!r} must be above 0")
-    return np.asarray(np.rint(np.arange(len(columns["force"])) * (1e9 / hertz)).astype(np.int64))
+    return np.asarray(np.rint(np.arange(len(columns["force"])) * (_SECOND / frequency)).astype(np.int64))
 
 
 def alignment_table(
@@ -208,20 +218,22 @@ def alignment_table(
     tare: str | float | None,
     alignment: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
-    """The table ``[alignment]`` from its channels by role and what is declared; a delay or sign alone is the force's.
+    """Return the table ``[alignment]`` of channels by role, and of the declarations in the arguments of `record`.
 
-    Raises ConfigurationError for an unknown signal.
+    A delay or sign that is not by signal is the force's. Raises ConfigurationError for an unknown signal.
     """
-    table: dict[str, Any] = {
-        role: {"channel": value} if isinstance(value, str) else dict(value) for role, value in channels.items()
-    }
-    for key, said in (("delay", delay), ("sign", sign)):
-        every = said if isinstance(said, Mapping) else {} if said is None else {"force": said}
-        for signal, value in every.items():
+    table: dict[str, Any] = {}
+    for role, channel in channels.items():
+        table[role] = {"channel": channel} if isinstance(channel, str) else dict(channel)
+    for key, declared in (("delay", delay), ("sign", sign)):
+        if declared is None:
+            continue
+        by_signal = declared if isinstance(declared, Mapping) else {"force": declared}
+        for signal, setting in by_signal.items():
             role = _ROLES.get(signal, signal)
             if signal not in _SIGNALS or role not in table:
                 raise ConfigurationError(f"{key}: no signal {signal!r}{suggest(signal, _SIGNALS)}")
-            table[role][key] = value
+            table[role][key] = setting
     if timing is not None:
         table["force"]["uncertainty"] = timing
     if tip_mass is not None:

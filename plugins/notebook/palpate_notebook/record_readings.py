@@ -12,28 +12,27 @@ from palpate_notebook.run_functions import quietly
 
 
 def samples_of(source: Source) -> Samples:
-    """Return the samples of a record by the pipeline of its devices and alignment; raises ConfigurationError,
-    LogError."""
+    """Return the aligned samples of the pipeline of a record; raises ConfigurationError, LogError."""
     pipeline = build_pipeline(source, estimates=False)
     with quietly():
         return RecordTracks(pipeline).estimate().samples
 
 
 def readings_of(source: Source) -> dict[str, Batch]:
-    """Return all readings of each stream as the devices send them, by "device.stream"; no alignment has a say in them.
+    """Return all readings of each stream as the devices send them, without alignment, by "device.stream".
 
     Raises ConfigurationError for a device that no plugin has, LogError where a log cannot be read.
     """
-    devices = build_parts(source, "device")
-    found: dict[str, list[Batch]] = {}
-    for name, device in devices.items():
+    by_stream: dict[str, list[Batch]] = {}
+    for device_name, device in build_parts(source, "device").items():
         with device.connect(0) as link:
             for batch in link.batches():
-                found.setdefault(".".join(part for part in (name, batch.stream) if part), []).append(batch)
-    return {name: _joined(batches) for name, batches in found.items()}
+                name = ".".join(part for part in (device_name, batch.stream) if part)
+                by_stream.setdefault(name, []).append(batch)
+    return {name: _concatenated(batches) for name, batches in by_stream.items()}
 
 
-def _joined(batches: Sequence[Batch]) -> Batch:
-    """One batch from those of a stream in their order."""
+def _concatenated(batches: Sequence[Batch]) -> Batch:
+    """Return the batches of one stream, in their order, as one."""
     columns = [np.concatenate([getattr(batch, key) for batch in batches]) for key in ("time", "received", "values")]
     return Batch(batches[0].stream, *columns)

@@ -1,4 +1,4 @@
-"""A finished run: what it found, as tables, numbers, arrays and pictures."""
+"""A finished run: its results as tables, numbers, arrays and pictures."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @with_suggestions
 class FinishedRun(RunData):
-    """What a run found; `run["dr/ekf"]` is one of its tracks."""
+    """Finished run; `run["dr/ekf"]` is one of its tracks."""
 
     @property
     def flags(self) -> dict[str, tuple[Flag, ...]]:
-        """Flags on each track, by its name."""
+        """The flags on each track, by its name."""
         return {name: read_flags(track["flags"]) for name, track in self.document["tracks"].items()}
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
@@ -41,7 +41,7 @@ class FinishedRun(RunData):
 
     @property
     def plot(self) -> Plots:
-        """Pictures: ``run.plot()``, ``run.plot.force_depth()``, ``run.plot.force()``."""
+        """The pictures: ``run.plot()``, ``run.plot.force_depth()``, ``run.plot.force()``."""
         return Plots(self)
 
     def map(
@@ -53,29 +53,29 @@ class FinishedRun(RunData):
     ) -> MapView:
         """Return the map of a parameter over the places of the run, or its curve along a line.
 
-        By default of its best track's first parameter. Raises LogError where there are too few places.
+        The default is the first parameter of the best track. Raises LogError for too few places.
         """
         from palpate_notebook.map_object import map_of
 
         return map_of(self, track, parameter, cell, method)
 
     def report(self, path: str | Path = "report.html") -> Path:
-        """One page on the run to share, its verdict first: `palpate report`; raises UserError."""
-        place = Path(path)
-        with redirect_stdout(StringIO()):  # the command says where it is written
-            analysis("report")([self.folder], out=place)
-        return place
+        """Write a page on the run to share, like `palpate report`, and return its path; raises UserError."""
+        page = Path(path)
+        with redirect_stdout(StringIO()):  # the command prints the path
+            analysis("report")([self.folder], out=page)
+        return page
 
     def save(self, folder: str | Path) -> Path:
-        """Keep everything that the run wrote in a new folder; raises OutputError where there is something already."""
-        place = Path(folder)
+        """Copy all files of the run to a new folder, and return it; raises OutputError for one that exists."""
+        target = Path(folder)
         try:
-            shutil.copytree(self.folder, place)
+            shutil.copytree(self.folder, target)
         except FileExistsError as error:
-            raise OutputError(f"{place}: exists already, and nothing is ever overwritten") from error
+            raise OutputError(f"{target}: exists already, and nothing is ever overwritten") from error
         except OSError as error:
-            raise OutputError(f"{place}: cannot write: {error.strerror or error}") from error
-        return place
+            raise OutputError(f"{target}: cannot write: {error.strerror or error}") from error
+        return target
 
     def __repr__(self) -> str:
         return run_text(self.document)
@@ -85,6 +85,6 @@ class FinishedRun(RunData):
 
 
 def open_run(folder: str | Path) -> FinishedRun:
-    """Return a run that was made before, from its folder; raises LogError where it is not a run folder."""
-    place = Path(folder)
-    return FinishedRun(place, RunFolder(place).result)
+    """Return the run of a run folder; raises LogError where it is not one."""
+    path = Path(folder)
+    return FinishedRun(path, RunFolder(path).result)

@@ -1,4 +1,4 @@
-"""What was meant by a name that an object does not have."""
+"""Suggestions for a name that an object does not have."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from palpate import suggest
 
 T = TypeVar("T")
-_MEANT = {  # by names of other programs
+_SYNONYMS = {  # names of other programs, and those of palpate
     "E": "elasticity",
     "modulus": "elasticity",
     "youngs_modulus": "elasticity",
@@ -21,24 +21,23 @@ _MEANT = {  # by names of other programs
 }
 
 
-def with_suggestions(kind: type[T]) -> type[T]:
-    """Return a class whose AttributeError names what is alike: its own names, and the values that are reached by
-    ["name"]."""
-    own = kind.__name__
+def with_suggestions(cls: type[T]) -> type[T]:
+    """Return a class whose AttributeError suggests a similar attribute, or a value that is reached by ["name"]."""
+    class_name = cls.__name__
 
-    def absent(self: Any, name: str) -> Any:
-        if name.startswith("_"):  # what notebooks, copies and pickles ask for
-            raise AttributeError(f"{own!r} object has no attribute {name!r}")
-        if hasattr(kind, name):  # it has it, and finding it failed
+    def raise_with_suggestion(self: Any, name: str) -> Any:
+        if name.startswith("_"):  # notebooks, copies and pickles look for such names
+            raise AttributeError(f"{class_name!r} object has no attribute {name!r}")
+        if hasattr(cls, name):  # a property that raised AttributeError itself: raise that error
             return object.__getattribute__(self, name)
-        values = self.__dict__.get("track", self)
-        parameters = getattr(values, "parameters", {}) if name != "parameters" else {}
+        track = self.__dict__.get("track", self)
+        parameters = getattr(track, "parameters", {}) if name != "parameters" else {}
         if name in parameters:
-            raise AttributeError(f"{own} has no attribute {name!r}; it is the value [{name!r}]")
-        names = [text for text in dir(self) if not (text.startswith("_") or hasattr(float, text))]
-        if _MEANT.get(name) in names:
-            raise AttributeError(f"{own} has no attribute {name!r}; did you mean {_MEANT[name]!r}?")
-        raise AttributeError(f"{own} has no attribute {name!r}{suggest(name, names)}")
+            raise AttributeError(f"{class_name} has no attribute {name!r}; it is the value [{name!r}]")
+        attributes = [text for text in dir(self) if not (text.startswith("_") or hasattr(float, text))]
+        if _SYNONYMS.get(name) in attributes:
+            raise AttributeError(f"{class_name} has no attribute {name!r}; did you mean {_SYNONYMS[name]!r}?")
+        raise AttributeError(f"{class_name} has no attribute {name!r}{suggest(name, attributes)}")
 
-    kind.__getattr__ = absent  # type: ignore[attr-defined]
-    return kind
+    cls.__getattr__ = raise_with_suggestion  # type: ignore[attr-defined]
+    return cls

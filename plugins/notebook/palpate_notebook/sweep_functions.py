@@ -30,17 +30,19 @@ if TYPE_CHECKING:
 @with_suggestions
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep found."""
+    """Results of the runs of a sweep."""
 
     rows: tuple[Mapping[str, Any], ...]  # one for each track of each combination [SI]
-    failures: Mapping[int, str]  # why a combination failed, by its number
+    failures: Mapping[int, str]  # message on each combination that failed, by its number
 
     @property
     def frame(self) -> pandas.DataFrame:
-        """A row for each track of each combination: what was swept, values [SI], uncertainties, truth, verdict."""
-        return library("pandas").DataFrame(
-            [{**row, "flags": " ".join(flag["code"] for flag in row.get("flags", ()))} for row in self.rows]
-        )
+        """A row for each track of each combination: settings, values [SI], uncertainties, truth, verdict, flags."""
+        rows = []
+        for row in self.rows:
+            codes = [flag["code"] for flag in row.get("flags", ())]
+            rows.append({**row, "flags": " ".join(codes)})
+        return library("pandas").DataFrame(rows)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -60,88 +62,94 @@ def sweep(
 ) -> Sweep:
     """Run a pipeline with every combination of settings: ``sweep("point.toml", {"run.seed": range(8)})``.
 
-    `combine` as in ``[sweep]``: every value with every other, or the first of each, the second, ...; `jobs` runs at a
-    time, one per core by default. Each run has a folder in the new `folder`; without one nothing of them stays.
+    `combine` as in ``[sweep]``: every value with every other ("grid"), or the first of each, the second, ... ("list");
+    `jobs` is the number of runs at a time, by default one per core. Each run has a folder in the new `folder`; without
+    one nothing is kept.
 
     Raises ConfigurationError for a setting that the pipeline does not have; a combination that fails by itself is in
     `failures`.
     """
     draft = pipeline if isinstance(pipeline, Draft) else load(pipeline)
     values = {key: list(column) for key, column in settings.items()}
-    combinations = _combinations(values, combine)
-    with _place(folder) as place:
-        planned = [
-            Combination.of(
-                number,
-                one,
-                PortablePipeline(draft.text, draft.path, (*draft.changes, *_changes(one)), named=True),
-                place,
-            )
-            for number, one in enumerate(combinations, start=1)
-        ]
-        refuse_hopeless(planned)
-        found = _run(planned, jobs)
-    rows = [dict(row) for one in planned for row in rows_of(one, found[one.job.name])]
-    failed = {one.number: found[one.job.name] for one in planned}
-    return Sweep(tuple(rows), {number: str(why) for number, why in failed.items() if isinstance(why, PalpateError)})
+    with _sweep_folder(folder) as sweep_folder:
+        combinations = []
+        for number, assignment in enumerate(_assignments(values, combine), start=1):
+            changes = [f"{key}={toml_value(key, value)}" for key, value in assignment.items()]
+            job = PortablePipeline(draft.text, draft.path, (*draft.changes, *changes), named=True)
+            combinations.append(Combination.of(number, assignment, job, sweep_folder))
+        refuse_hopeless(combinations)
+        outcomes = _run_outcomes(combinations, jobs)
+    rows: list[Mapping[str, Any]] = []
+    failures = {}
+    for combination in combinations:
+        outcome = outcomes[combination.job.name]
+        rows += [dict(row) for row in rows_of(combination, outcome)]
+        if isinstance(outcome, PalpateError):
+            failures[combination.number] = str(outcome)
+    return Sweep(tuple(rows), failures)
 
 
-def _combinations(values: Mapping[str, list[object]], combine: str) -> list[dict[str, object]]:
+def _assignments(values: Mapping[str, list[object]], combine: str) -> list[dict[str, object]]:
+    """Return the settings of each run: every value with every other ("grid"), or the i-th of each ("list").
+
+    Raises ConfigurationError for lists that are empty, or with "list" of different lengths.
+    """
     if not values or not all(values.values()):
         raise ConfigurationError('a sweep needs lists of values by setting, such as {"run.seed": range(8)}')
     lengths = {key: len(column) for key, column in values.items()}
     if combine == "grid":
-        return [dict(zip(values, one, strict=True)) for one in product(*values.values())]
+        return [dict(zip(values, combination, strict=True)) for combination in product(*values.values())]
     if combine != "list":
         raise ConfigurationError(f'combine: {combine!r} is not one of "grid", "list"')
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
         raise ConfigurationError(f'combine="list" needs lists of one length: {listed}')
-    return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
+    return [dict(zip(values, combination, strict=True)) for combination in zip(*values.values(), strict=True)]
 
 
-def _changes(values: Mapping[str, object]) -> list[str]:
-    return [f"{key}={toml_value(key, value)}" for key, value in values.items()]
-
-
-def _run(planned: list[Combination], jobs: int | None) -> dict[str, Outcome]:
-    found = {}
-    with _without_script(), closing(on_all_cores([one.job for one in planned], jobs)) as running:
-        for job, outcome in running:
+def _run_outcomes(combinations: list[Combination], jobs: int | None) -> dict[str, Outcome]:
+    """Return the outcome of each combination by the name of its job; raises KeyboardInterrupt if one is stopped."""
+    outcomes = {}
+    pending_jobs = [combination.job for combination in combinations]
+    with _without_script(), closing(on_all_cores(pending_jobs, jobs)) as finished:
+        for job, outcome in finished:
             if isinstance(outcome, StoppedError):
                 raise KeyboardInterrupt(str(outcome))
-            found[job.name] = outcome
-    return found
+            outcomes[job.name] = outcome
+    return outcomes
 
 
 @contextmanager
 def _without_script() -> Iterator[None]:
-    """Processes started in the context do not run the calling script again."""
-    main = sys.modules["__main__"]
-    kept: dict[str, Any] = {name: main.__dict__.pop(name) for name in ("__file__", "__spec__") if name in main.__dict__}
-    main.__dict__["__spec__"] = None
+    """Prevent processes that are started in the context from running the calling script again.
+
+    multiprocessing imports the script by `__file__` or `__spec__` of the main module, which are removed meanwhile.
+    """
+    attributes = sys.modules["__main__"].__dict__
+    removed: dict[str, Any] = {name: attributes.pop(name) for name in ("__file__", "__spec__") if name in attributes}
+    attributes["__spec__"] = None
     try:
         yield
     finally:
-        main.__dict__.pop("__spec__")
-        main.__dict__.update(kept)
+        attributes.pop("__spec__")
+        attributes.update(removed)
 
 
 @contextmanager
-def _place(folder: str | Path | None) -> Iterator[Path]:
-    """The folder of the runs: a new one that stays, or one that does not."""
+def _sweep_folder(folder: str | Path | None) -> Iterator[Path]:
+    """Yield the new folder of the runs, for None a temporary one; raises OutputError for one that exists."""
     if folder is None:
-        made = Path(tempfile.mkdtemp(prefix="palpate-"))
+        temporary_folder = Path(tempfile.mkdtemp(prefix="palpate-"))
         try:
-            yield made
+            yield temporary_folder
         finally:
-            shutil.rmtree(made, ignore_errors=True)
+            shutil.rmtree(temporary_folder, ignore_errors=True)
         return
-    place = Path(folder)
+    path = Path(folder)
     try:
-        place.mkdir(parents=True)
+        path.mkdir(parents=True)
     except FileExistsError as error:
-        raise OutputError(f"{place}: exists already, and nothing is ever overwritten") from error
+        raise OutputError(f"{path}: exists already, and nothing is ever overwritten") from error
     except OSError as error:
-        raise OutputError(f"{place}: cannot be made: {error.strerror}") from error
-    yield place
+        raise OutputError(f"{path}: cannot be made: {error.strerror}") from error
+    yield path

@@ -19,23 +19,22 @@ if TYPE_CHECKING:
 
 @with_suggestions
 class TrackView:
-    """What one contact model with one estimator found."""
+    """Results of one contact model with one estimator."""
 
     def __init__(self, name: str, document: Mapping[str, Any], estimates: Callable[[], xarray.Dataset]) -> None:
         self.name, self.document = name, document
-        self._estimates = estimates  # of all tracks; keeps the run and its folder
+        self._estimates = estimates  # returns those of all tracks; refers to the run, and so keeps its folder
 
     @property
     def parameters(self) -> dict[str, UncertainQuantity]:
-        """The model's parameters, then what follows from them, by name."""
-        rows = self.document.get("budget", ())
-        found = {
-            name: UncertainQuantity.of(name, table, _shares(rows, name))
-            for name, table in self.document["parameters"].items()
-        }
-        return found | {
-            name: UncertainQuantity.of(name, table) for name, table in self.document.get("derived", {}).items()
-        }
+        """The model's parameters, then the values that follow from them, by name."""
+        budget_rows = self.document.get("budget", ())
+        quantities = {}
+        for name, table in self.document["parameters"].items():
+            quantities[name] = UncertainQuantity.of(name, table, _contributions(budget_rows, name))
+        for name, table in self.document.get("derived", {}).items():
+            quantities[name] = UncertainQuantity.of(name, table)
+        return quantities
 
     def __getitem__(self, name: str) -> UncertainQuantity:
         parameters = self.parameters
@@ -60,22 +59,22 @@ class TrackView:
 
     @property
     def verdict(self) -> str:
-        """The verdict of its elasticity; of a model without one the worst of its values with a number."""
+        """The verdict on the elasticity; for a model without one the worst of the verdicts on its values."""
         return str(self.document["verdict"])
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """Its flags, those of the whole record among them."""
+        """The flags on the track, with those on the whole record."""
         return read_flags(self.document["flags"])
 
     @property
     def residual(self) -> float:
-        """Root mean square of measured less modelled force [N]."""
+        """Root mean square of measured less modelled force [N]; NaN without estimates."""
         return _number(self.document["force_rms"])
 
     @property
     def nis(self) -> float:
-        """Mean normalised innovation squared; 1 where model and noise are right."""
+        """Mean normalised innovation squared; 1 if model and noise are right."""
         return _number(self.document["nis"])
 
     @property
@@ -84,7 +83,7 @@ class TrackView:
         return self._estimates().sel(track=self.name)
 
     def budget(self) -> pandas.DataFrame:
-        """Return every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
+        """Return every source of uncertainty with its contribution to each value, as a standard uncertainty [SI]."""
         from palpate_notebook.data_frames import budget_frame
 
         return budget_frame(self.document)
@@ -94,10 +93,16 @@ class TrackView:
         return f"<{self.name}: {values}>"
 
 
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)
+def _number(entry: Any) -> float:
+    """Return a number of result.json; NaN for null."""
+    return math.nan if entry is None else float(entry)
 
 
-def _shares(rows: Any, name: str) -> dict[str, float]:
-    effects = {row["source"]: row["effects"].get(name) for row in rows}
-    return {source: effect["contribution"] for source, effect in effects.items() if effect and effect["contribution"]}
+def _contributions(budget_rows: Any, name: str) -> dict[str, float]:
+    """Return the standard uncertainty of a value by source, without sources that contribute nothing."""
+    contributions = {}
+    for row in budget_rows:
+        effect = row["effects"].get(name)
+        if effect and effect["contribution"]:
+            contributions[row["source"]] = effect["contribution"]
+    return contributions
