@@ -460,6 +460,14 @@ def test_a_csv_is_a_record(arrays, tmp_path):
     assert len(record.samples["time"]) == len(arrays["time"])
 
 
+def test_a_guess_is_warned_of_at_the_line_that_reads(arrays, tmp_path):
+    path = tmp_path / "mine.csv"
+    pd.DataFrame(arrays).to_csv(path, index=False)
+    with pytest.warns(UserWarning, match="is a guess") as seen:
+        palpate.read(path)
+    assert {warning.filename for warning in seen} == {__file__}
+
+
 @pytest.mark.parametrize(
     ("change", "what"),
     [

@@ -22,7 +22,7 @@ from palpate_notebook.record_object import Record, alignment_table
 
 _ROLES = {"height": "position"}  # roles of signals in [alignment], where `read` has other names
 _MAX_LISTED = 40  # records that a message names: a choice
-_CALLER_LEVEL = 4  # frames from a warning to the caller of `read`
+_CALLER_LEVEL = 5  # frames from a warning to the caller of `read`
 _TIMED = ("force", "position", "velocity")  # signals that have a delay
 _UNSTATED = ("alignment.tare", "alignment.*.delay")  # in a log that palpate has not written
 
