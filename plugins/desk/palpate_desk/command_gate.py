@@ -1,9 +1,9 @@
-"""The gate that every command of the page passes: which there are, and which settings and marks they may name."""
+"""The gate that every command of the page passes: permitted commands, options, settings and marks."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import PurePath
 from typing import Any, get_args
@@ -22,33 +22,33 @@ from palpate_engine import (
 from palpate_desk.action import OUT, Action
 
 _PARTS = ("estimator", "indenter", "model")
-_TABLES = ("alignment", *_PARTS)  # that name no code
-_RIG = "rig"  # of the facts
-FACT_KEYS = tuple(facts_stated().values())  # that the page asks for
-_BARE = re.compile(r"[\w-]+")  # a key
+_TABLES = ("alignment", *_PARTS)  # permitted tables: none of their keys names code
+_RIG = "rig"  # table of the facts
+FACT_KEYS = tuple(facts_stated().values())  # facts on the page
+_BARE_KEY = re.compile(r"[\w-]+")
 _PICTURE = re.compile(rf"{re.escape(OUT)}/groups\.svg")
 _PIPELINE = re.compile(rf"{re.escape(OUT)}/pipeline[^/]*\.toml")
-_FIGURES = re.compile(rf"{re.escape(OUT)}/figures/[^/]+")
+_FOLDER = re.compile(rf"{re.escape(OUT)}|{re.escape(OUT)}/figures/[^/]+")
 
 
 def demand_allowed(action: Action) -> None:
-    """Raise ConfigurationError for what is not a command of the page, or names a file, code or a device."""
-    known = _KNOWN.get((action.command, action.source == OUT), {})
+    """Raise ConfigurationError for an action that the page does not have, or that names a file, code or a device."""
+    permitted = _PERMITTED.get((action.command, action.source == OUT), {})
     for option, value in action.options:
-        if option not in known:
+        if option not in permitted:
             raise ConfigurationError(f"palpate {action.command} {option}: is not a command of the page")
-        known[option](value)
-    given = {option for option, _ in action.options}
-    if not known or (action.command == "repeat review" and len(given & _MARKS) != 1):
+        demand_permitted_value = permitted[option]
+        demand_permitted_value(value)
+    marks = _MARKS & {option for option, _ in action.options}
+    if not permitted or (action.command == "repeat review" and len(marks) != 1):
         raise ConfigurationError(f"palpate {action.command}: is not a command of the page")
 
 
 def is_change(action: Action) -> bool:
-    """Return True if a command changes marks, settings or fits of a folder, or begins one: what its history consists
-    of."""
-    given = dict(action.options)
-    begins = "--tip" in given and "--pipeline" not in given and given.get("--out") == OUT  # it names no pipeline
-    return action.command in ("fit", "repeat review") and (action.source == OUT or begins)
+    """Return True if a command changes marks, settings or fits of a folder, or makes one: one of its history."""
+    options = dict(action.options)
+    makes_folder = "--tip" in options and "--pipeline" not in options and options.get("--out") == OUT
+    return action.command in ("fit", "repeat review") and (action.source == OUT or makes_folder)
 
 
 def demand_allowed_setting(assignment: str) -> None:
@@ -58,12 +58,13 @@ def demand_allowed_setting(assignment: str) -> None:
         _demand_fact(".".join(keys[1:]), value)
         return
     _demand_table(keys[0], assignment)
-    if not all(map(_BARE.fullmatch, keys)):
+    if not all(map(_BARE_KEY.fullmatch, keys)):
         raise ConfigurationError(f"{assignment!r}: its key has signs that no name of a setting has")
     _demand_no_file({*keys, *_keys_of(value)}, assignment)
 
 
 def _demand_key(key: str) -> None:
+    """Raise ConfigurationError for the key of a setting, as in ``--unset``, that the page may not change."""
     table, _, name = key.partition(".")
     if table != _RIG or name not in FACT_KEYS:
         _demand_table(table.strip(), key)
@@ -77,80 +78,95 @@ def _demand_fact(key: str, value: Any) -> None:
 
 
 def _demand_tip(text: str) -> None:
+    """Raise ConfigurationError for words of a tip that name a file."""
     _demand_no_file(set(tip_values(text, registry.load(), "--tip")), text)
 
 
-def _demand_table(table: str, said: str) -> None:
+def _demand_table(table: str, setting: str) -> None:
+    """Raise ConfigurationError for a setting of a table that the page may not change."""
     if table not in _TABLES:
         allowed = ", ".join(_TABLES)
-        raise ConfigurationError(f"{said!r}: the page sets keys of {allowed} only; say table.key=value")
+        raise ConfigurationError(f"{setting!r}: the page sets keys of {allowed} only; say table.key=value")
 
 
-def _demand_no_file(keys: set[str], said: str) -> None:
-    if named := sorted(keys & _file_keys()):
-        raise ConfigurationError(f"{said!r}: the page names no files ({named[0]}); write it into pipeline.toml")
+def _demand_no_file(keys: set[str], setting: str) -> None:
+    """Raise ConfigurationError for a setting if one of its keys takes a path."""
+    file_keys = sorted(keys & _file_keys())
+    if file_keys:
+        raise ConfigurationError(f"{setting!r}: the page names no files ({file_keys[0]}); write it into pipeline.toml")
 
 
 def _keys_of(value: Any) -> Iterator[str]:
-    """Yield the keys of a value of TOML, at whatever depth."""
+    """Yield the keys of all tables in a value of TOML, at any depth."""
+    entries: Iterable[Any] = ()
     if isinstance(value, Mapping):
         yield from value
-    inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
-    for item in inner:
-        yield from _keys_of(item)
+        entries = value.values()
+    elif isinstance(value, list):
+        entries = value
+    for entry in entries:
+        yield from _keys_of(entry)
 
 
-def _any(_: str) -> None:
-    """Of a name, a reason or a filter: data to the command."""
+def _permit_any(_: str) -> None:
+    """Permit a name, a reason or filter words: to the command they are data."""
 
 
-def _matching(pattern: re.Pattern[str]) -> Callable[[str], None]:
-    def demand(value: str) -> None:
-        if not pattern.fullmatch(value):
-            raise ConfigurationError(f"{value!r}: the page writes to places of its own in the folder only")
+def _path_check(pattern: re.Pattern[str]) -> Callable[[str], None]:
+    """Return a function that raises ConfigurationError for a path that does not match a pattern."""
 
-    return demand
+    def demand_matching_path(path: str) -> None:
+        if not pattern.fullmatch(path):
+            raise ConfigurationError(f"{path!r}: the page writes to places of its own in the folder only")
+
+    return demand_matching_path
 
 
 _FACTS: dict[str, Callable[[str], None]] = {option_of(key): partial(_demand_fact, key) for key in FACT_KEYS}
 _SETTINGS = {
-    "--set": demand_allowed_setting, "--tip": _demand_tip, "--model": _any, "--no-refit": _any,
+    "--set": demand_allowed_setting, "--tip": _demand_tip, "--model": _permit_any, "--no-refit": _permit_any,
 }  # fmt: skip
 _MARKS = {"--reject", "--accept", "--clear"}
-_KNOWN: Mapping[tuple[str, bool], Mapping[str, Callable[[str], None]]] = {  # by command, and whether on the folder
-    ("repeat review", True): {**dict.fromkeys(_MARKS, _any), "--reason": _any},
-    ("fit", True): {**_SETTINGS, **_FACTS, "--where": _any, "--unset": _demand_key},
+# Checks of the values of the permitted options, by command, and True for one on the folder.
+_PERMITTED: Mapping[tuple[str, bool], Mapping[str, Callable[[str], None]]] = {
+    ("repeat review", True): {**dict.fromkeys(_MARKS, _permit_any), "--reason": _permit_any},
+    ("fit", True): {**_SETTINGS, **_FACTS, "--where": _permit_any, "--unset": _demand_key},
     ("fit", False): {
-        **_SETTINGS, "--each": _any, "--pipeline": _matching(_PIPELINE),
-        "--out": _matching(re.compile(f"{re.escape(OUT)}|{_FIGURES.pattern}")),
+        **_SETTINGS, "--each": _permit_any, "--pipeline": _path_check(_PIPELINE),
+        "--out": _path_check(_FOLDER),
     },
-    ("fit choose", True): {"--models": _any, "--where": _any, "--json": _any},
-    ("repeat", True): {"--by": _any, "--parameter": _any, "--json": _any, "--picture": _matching(_PICTURE)},
-    ("report", True): {"--by": _any},
-    ("map", True): {"--parameter": _any},
+    ("fit choose", True): {"--models": _permit_any, "--where": _permit_any, "--json": _permit_any},
+    ("repeat", True): {
+        "--by": _permit_any, "--parameter": _permit_any, "--json": _permit_any, "--picture": _path_check(_PICTURE),
+    },
+    ("report", True): {"--by": _permit_any},
+    ("map", True): {"--parameter": _permit_any},
 }  # fmt: skip
 
 
 @lru_cache
 def _file_keys() -> frozenset[str]:
-    """Return every key of the tables of the page that takes a path, at whatever depth."""
-    known = registry.load()
+    """Return every key of the permitted tables that takes a path, at any depth."""
+    parts_registry = registry.load()
     tables: list[type[Settings]] = [AlignmentSettings]
-    tables += [known.find(kind, name) for kind in _PARTS for name in known.parts[kind]]
-    return frozenset(name for settings in tables for name in _paths_of(settings))
+    tables += [parts_registry.find(part, name) for part in _PARTS for name in parts_registry.parts[part]]
+    return frozenset(name for settings in tables for name in _path_fields(settings))
 
 
-def _paths_of(settings: type[Settings]) -> Iterator[str]:
+def _path_fields(settings: type[Settings]) -> Iterator[str]:
+    """Yield the fields of settings that take a path, and those of settings within them."""
     for name, field in settings.model_fields.items():
-        for kind in _kinds(field.annotation):
-            if isinstance(kind, type) and issubclass(kind, PurePath):
+        for annotation in _inner_annotations(field.annotation):
+            if not isinstance(annotation, type):
+                continue
+            if issubclass(annotation, PurePath):
                 yield name
-            elif isinstance(kind, type) and issubclass(kind, Settings) and kind is not settings:
-                yield from _paths_of(kind)
+            elif issubclass(annotation, Settings) and annotation is not settings:
+                yield from _path_fields(annotation)
 
 
-def _kinds(annotation: Any) -> Iterator[Any]:
-    """Yield an annotation and all that it is made of."""
+def _inner_annotations(annotation: Any) -> Iterator[Any]:
+    """Yield an annotation and its arguments at any depth."""
     yield annotation
-    for inner in get_args(annotation):
-        yield from _kinds(inner)
+    for argument in get_args(annotation):
+        yield from _inner_annotations(argument)

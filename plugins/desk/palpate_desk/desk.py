@@ -1,4 +1,4 @@
-"""What the page shows, and what it asks for done: files of the folder, and the commands that would do the same."""
+"""The desk: a folder of fits, and the actions on it, each by the command that does the same."""
 
 from __future__ import annotations
 
@@ -31,21 +31,31 @@ from palpate_desk.history_file import ActionHistory
 from palpate_desk.settings_undo import fact_inverse, model_inverse, own_inverse, setting_inverse, tip_inverse
 
 _LOCK = ".desk.lock"
-_FILES = ("fits.csv", "curves.csv", "own.toml", "review.json", "pipeline*.toml", RIG)
-_LISTS = {"--set": "overrides", "--unset": "unset", "--reject": "reject", "--accept": "accept", "--clear": "clear"}
-_FACTS = {option_of(key): key for key in FACT_KEYS}
-_WORDS = {"--where": "where", "--tip": "tip", "--model": "model", "--reason": "reason"}
+_WATCHED_FILES = ("fits.csv", "curves.csv", "own.toml", "review.json", "pipeline*.toml", RIG)
+_PID_LENGTH = 20  # characters of the lock file that hold a process's number
+# Arguments of the functions of commands, by option.
+_LIST_ARGUMENTS = {
+    "--set": "overrides",
+    "--unset": "unset",
+    "--reject": "reject",
+    "--accept": "accept",
+    "--clear": "clear",
+}
+_FACT_OPTIONS = {option_of(key): key for key in FACT_KEYS}
+_TEXT_ARGUMENTS = {"--where": "where", "--tip": "tip", "--model": "model", "--reason": "reason"}
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[IO[bytes]]:
-    """The lock of a folder, for one page program at a time; a kill opens it. Raises OutputError."""
+    """Hold the lock of a folder, which one desk at a time may have, even after a kill; raises OutputError."""
     with file_in_place(path / _LOCK) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            other = f"(process {printable(file.read(20).decode(errors='replace')).strip() or '?'})"
-            raise OutputError(f"{path}: is open in another palpate desk {other}; --read-only opens it, too") from error
+            owner = printable(file.read(_PID_LENGTH).decode(errors="replace")).strip() or "?"
+            raise OutputError(
+                f"{path}: is open in another palpate desk (process {owner}); --read-only opens it, too"
+            ) from error
         file.truncate(0)
         file.write(str(os.getpid()).encode())
         file.flush()
@@ -54,51 +64,53 @@ def writing(path: Path) -> Iterator[IO[bytes]]:
 
 
 class Desk:
-    """A folder of fits, as it is now."""
+    """Folder of fits with its history and the changes that can be undone."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.folder = FitFolder(path)
         self.history = ActionHistory(path)
-        self._undo: list[tuple[Action, Sequence[Action]]] = []  # what was done here, with what undoes it
-        self._tables: dict[str, FitTable] = {}
-        self._readers: dict[str, CurveReader] = {}
-        self.folder.rows  # noqa: B018  (what cannot be read is reported before the page opens)
-        self._stamp = self._signature()
+        self._undo: list[tuple[Action, Sequence[Action]]] = []  # changes, each with its inverse
+        self._tables: dict[str, FitTable] = {}  # by dialect of the curves' files
+        self._readers: dict[str, CurveReader] = {}  # by dialect
+        self.folder.rows  # noqa: B018  (an error in reading is reported before the page opens)
+        self._file_states = self._present_file_states()
 
     def reload(self) -> None:
-        """Read everything again."""
+        """Read all files of the folder again."""
         self.folder = FitFolder(self.path)
         self._tables, self._readers = {}, {}
-        self._stamp = self._signature()
+        self._file_states = self._present_file_states()
 
     def forget(self) -> None:
-        """Take every file for changed."""
-        self._stamp = []
+        """Treat the files as changed, so that they are read again."""
+        self._file_states = []
 
     @property
     def changed_outside(self) -> bool:
-        """True if another program has changed a file since."""
-        return self._stamp != self._signature()
+        """True if another program has changed a file since the last reading."""
+        return self._file_states != self._present_file_states()
 
-    def _signature(self) -> list[tuple[str, int, int]]:
-        files = sorted(file for pattern in _FILES for file in self.path.glob(pattern))
-        with contextlib.suppress(FileNotFoundError):  # it is being replaced
+    def _present_file_states(self) -> list[tuple[str, int, int]]:
+        """Return name, time of change [ns] and size [bytes] of each file; empty while one of them is replaced."""
+        files = sorted(file for pattern in _WATCHED_FILES for file in self.path.glob(pattern))
+        with contextlib.suppress(FileNotFoundError):
             return [(file.name, (stat := file.stat()).st_mtime_ns, stat.st_size) for file in files]
         return []
 
     def _table(self, curve: str) -> FitTable:
-        name = self.folder.dialect_of(curve)
-        if name not in self._tables:
-            self._tables[name] = table_of(self.folder, name)
-        return self._tables[name]
+        """Return the table of fits that has the rows of a curve."""
+        dialect = self.folder.dialect_of(curve)
+        if dialect not in self._tables:
+            self._tables[dialect] = table_of(self.folder, dialect)
+        return self._tables[dialect]
 
     def reader(self, curve: str) -> CurveReader:
-        """How a curve is read."""
-        name = self.folder.dialect_of(curve)
-        if name not in self._readers:
-            self._readers[name] = curve_reader(self.folder, name)
-        return self._readers[name]
+        """Return the reader of a curve."""
+        dialect = self.folder.dialect_of(curve)
+        if dialect not in self._readers:
+            self._readers[dialect] = curve_reader(self.folder, dialect)
+        return self._readers[dialect]
 
     def curve(self, name: str) -> Curve:
         """Return a curve with its settings, by its name; raises ConfigurationError if it or its file does not exist."""
@@ -109,32 +121,32 @@ class Desk:
         return self.folder.curve(name)
 
     def demand_file(self, name: str) -> None:
-        """Raise ConfigurationError where the file of a curve has gone, so that its row stays."""
+        """Raise ConfigurationError where the file of a curve no longer exists: its row is kept then."""
         if not Path(self.curve(name).file).is_file():
             raise ConfigurationError(f"{name}: {self.curve(name).file} is not there any more; its row is kept")
 
     def left(self) -> list[str]:
-        """Names of the curves that have no row by the present settings."""
+        """Return the names of the curves that have no row by the present settings."""
         return [name for name in self.folder.names if any(row.state != "current" for row in self.folder.rows_of(name))]
 
     def take_rows(self, rows: Sequence[Row]) -> list[CurveRow]:
-        """Add the rows of a curve to the table; what it has now."""
-        name = rows[0]["curve"]
-        table = self._table(name)
+        """Add the rows of a curve to the table, and return its present rows."""
+        curve = rows[0]["curve"]
+        table = self._table(curve)
         table.add(rows)
-        self.folder.by_curve[name] = [{**dict.fromkeys(table.columns, ""), **row} for row in rows]
-        self._stamp = self._signature()
-        return self.folder.rows_of(name)
+        self.folder.by_curve[curve] = [{**dict.fromkeys(table.columns, ""), **row} for row in rows]
+        self._file_states = self._present_file_states()
+        return self.folder.rows_of(curve)
 
     def compact(self) -> None:
-        """Rewrite the table where it holds rows that later ones stand for."""
+        """Rewrite the tables without rows that later ones replace."""
         for table in self._tables.values():
             if table.path.is_file():
                 table.compact(self.folder.names)
-        self._stamp = self._signature()
+        self._file_states = self._present_file_states()
 
     def chosen(self, words: str) -> list[str]:
-        """Names of the curves that filter words hold; raises ConfigurationError."""
+        """Return the names of the curves that filter words hold; raises ConfigurationError."""
         rows = curve_filter(words, self.folder, registry.load().meanings).choose(self.folder.rows)
         return list(dict.fromkeys(row.curve for row in rows))
 
@@ -144,9 +156,9 @@ class Desk:
         if mark == "bad" and not reason.strip():
             raise ConfigurationError("say why the curve is rejected")
         action = _mark_action(curve, mark, reason.strip())
-        if (row.mark, row.rejected or "") == (mark, reason if mark == "bad" else ""):
-            return action
-        self._change(action, [_mark_action(curve, row.mark, row.rejected or "")])
+        is_unchanged = (row.mark, row.rejected or "") == (mark, reason if mark == "bad" else "")
+        if not is_unchanged:
+            self._change(action, inverse=[_mark_action(curve, row.mark, row.rejected or "")])
         return action
 
     def set(self, assignment: str, where: str | None) -> Action:
@@ -162,7 +174,7 @@ class Desk:
         return action
 
     def set_part(self, kind: str, value: str) -> Action:
-        """Put another tip or model in place for all curves; raises ConfigurationError."""
+        """Replace the tip or the model (`kind`) of all curves; raises ConfigurationError."""
         action = Action("fit", ((f"--{kind}", value), ("--no-refit", "")))
         tables = tomllib.loads(self.folder.settings_text())
         self._change(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
@@ -170,7 +182,8 @@ class Desk:
 
     def state_facts(self, answers: Mapping[str, str]) -> Action:
         """State facts of the rig, by their keys in ``rig.toml``; raises ConfigurationError."""
-        action = Action("fit", (*((option_of(key), text) for key, text in answers.items()), ("--no-refit", "")))
+        statements = [(option_of(key), text) for key, text in answers.items()]
+        action = Action("fit", (*statements, ("--no-refit", "")))
         demand_allowed(action)
         self._change(action, fact_inverse(self.folder.facts, answers))
         return action
@@ -186,47 +199,49 @@ class Desk:
             raise ConfigurationError("there is nothing to undo: nothing was changed since the page was opened")
         _, inverse = self._undo[-1]
         for action in inverse:
-            self._do(action)
+            self._execute(action)
         self._undo.pop()
         return inverse[-1]
 
     def demand_no_links(self) -> None:
-        """Raise OutputError where what is exported would leave the folder by a link."""
-        places = [place for pattern in ("*", "figures/*", "figures/*/*", "maps/*") for place in self.path.glob(pattern)]
-        if link := next((place for place in places if place.is_symlink()), None):
-            raise OutputError(f"{link}: is a link, and what the page exports stays in the folder: take it away")
+        """Raise OutputError for a link by which an export would leave the folder."""
+        patterns = ("*", "figures/*", "figures/*/*", "maps/*")
+        links = [path for pattern in patterns for path in self.path.glob(pattern) if path.is_symlink()]
+        if links:
+            raise OutputError(f"{links[0]}: is a link, and what the page exports stays in the folder: take it away")
 
     def note(self, action: Action) -> None:
-        """Add to the history what was done without any change of settings."""
+        """Add an action to the history that was done by other means, such as a fit."""
         self.history.append(action)
 
-    def _do(self, action: Action) -> None:
-        """Do what a command does, then write it into the history."""
+    def _execute(self, action: Action) -> None:
+        """Do an action, write it into the history, and read the changed files again."""
         self.history.demand_readable()
-        with inherited_approval(self.folder.approved):  # nobody is asked at the terminal while pages wait
+        with inherited_approval(self.folder.approved):  # plugin files: no question at the terminal while pages wait
             run_action(action, self.path)
         self.history.append(action)
         if action.command == "repeat review":
-            self.folder.__dict__.pop("marks", None)
-            self._stamp = self._signature()
+            self.folder.__dict__.pop("marks", None)  # a cached property
+            self._file_states = self._present_file_states()
         else:
             self.reload()
 
     def _change(self, action: Action, inverse: Sequence[Action]) -> None:
-        """Do what a command does; what undoes it was found from what is there before."""
-        self._do(action)
+        """Do an action, and keep it with its inverse, which was made from the former settings."""
+        self._execute(action)
         if inverse:
             self._undo.append((action, inverse))
 
 
 def _mark_action(curve: str, mark: str, reason: str) -> Action:
+    """Return the command that marks a curve good, bad or none; the reason is of "bad"."""
     if mark == "bad":
         return Action("repeat review", (("--reject", curve), ("--reason", reason)))
     return Action("repeat review", (("--accept" if mark == "good" else "--clear", curve),))
 
 
 def run_action(action: Action, path: Path) -> None:
-    """Do what a command that changes marks or settings does, if the gate lets it pass; raises UserError."""
+    """Change marks or settings of a folder as a command does, if the gate permits it; raises UserError."""
     demand_allowed(action)
     if action.command == "repeat review":
         options = dict(action.options)
@@ -236,13 +251,13 @@ def run_action(action: Action, path: Path) -> None:
         return
     arguments: dict[str, Any] = {}
     for option, value in action.options:
-        if option in _LISTS:
-            arguments.setdefault(_LISTS[option], []).append(value)
-        elif option in _FACTS:
-            arguments.setdefault("overrides", []).append(f"rig.{_FACTS[option]}={json.dumps(value)}")
-        elif option in _WORDS:
-            arguments[_WORDS[option]] = value
-        else:
+        if option in _LIST_ARGUMENTS:
+            arguments.setdefault(_LIST_ARGUMENTS[option], []).append(value)
+        elif option in _FACT_OPTIONS:
+            arguments.setdefault("overrides", []).append(f"rig.{_FACT_OPTIONS[option]}={json.dumps(value)}")
+        elif option in _TEXT_ARGUMENTS:
+            arguments[_TEXT_ARGUMENTS[option]] = value
+        else:  # a flag
             arguments[option.removeprefix("--").replace("-", "_")] = True
     function: Callable[..., Any] = analysis(action.command)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(typer.Exit):
@@ -250,5 +265,5 @@ def run_action(action: Action, path: Path) -> None:
 
 
 def one_curve(name: str) -> Action:
-    """Return the command that fits one curve again."""
+    """Return the action that fits one curve again."""
     return Action("fit", (("--where", where_curve(name)),))

@@ -57,7 +57,7 @@ def desk(
         return
     folder = source
     if not is_fit_folder(source):
-        folder = _begin(source, tip, model, pipeline, overrides, out, read_only)
+        folder = _make_fits(source, tip, model, pipeline, overrides, out, read_only)
     elif tip or model or pipeline or overrides or out:
         raise ConfigurationError(f"{source}: is a folder of fits, which has its settings: change them on the page")
     if groups is not None:
@@ -65,16 +65,17 @@ def desk(
             raise ConfigurationError("--groups: writes curves.csv, which --read-only does not")
         with print_aside(True):
             analysis("fit")([folder], groups=groups, no_refit=True)
-    _open(folder, port, no_browser, read_only, workers)
+    _serve_folder(folder, port, no_browser, read_only, workers)
 
 
 def _demand_fits(source: Path) -> Path:
+    """Return a folder of fits; raises ConfigurationError for another one."""
     if not is_fit_folder(source):
         raise ConfigurationError(f"{source}: is not a folder of fits: it has no fits.csv")
     return source
 
 
-def _begin(
+def _make_fits(
     source: Path,
     tip: str | None,
     model: str | None,
@@ -83,7 +84,10 @@ def _begin(
     out: Path | None,
     read_only: bool,
 ) -> Path:
-    """A folder of fits of curves, none fitted yet; raises UserError."""
+    """Return a new folder of fits of the curves of `source`, none of which is fitted yet; raises UserError.
+
+    The command that makes it is the first of its history.
+    """
     if not source.exists():
         raise ConfigurationError(f"{source}: no such file or folder")
     if read_only:
@@ -93,33 +97,37 @@ def _begin(
             f'{source}: is not a folder of fits; give the tip of its curves: --tip "sphere 3 mm", or --pipeline FILE'
         )
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
-    options = [("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)]
-    told = [(option, text) for option, text in options if text is not None]
-    told += [("--set", text) for text in overrides or ()]
-    each = (("--each", ""),) if pipeline else ()
     with print_aside(True):
         analysis("fit")(
-            [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder, each=bool(each),
-            no_refit=True,
+            [source], pipeline=pipeline, tip=tip, model=model, overrides=overrides, out=folder,
+            each=pipeline is not None, no_refit=True,
         )  # fmt: skip
-    if not ActionHistory(folder).commands:
-        action = Action("fit", (*each, *told, ("--no-refit", ""), ("--out", OUT)), str(source))
-        ActionHistory(folder).append(action)
+    # The same command in the history.
+    options = [("--each", "")] if pipeline else []
+    for option, text in (("--tip", tip), ("--model", model), ("--pipeline", str(pipeline) if pipeline else None)):
+        if text is not None:
+            options.append((option, text))
+    options += [("--set", assignment) for assignment in overrides or ()]
+    history = ActionHistory(folder)
+    if not history.commands:
+        history.append(Action("fit", (*options, ("--no-refit", ""), ("--out", OUT)), str(source)))
     return folder
 
 
 def _states_tip(source: Path, overrides: Sequence[str]) -> bool:
-    """Whether the file of facts next to curves, or the one that is named, states their tip."""
-    named = (str(value) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig"))
-    path = Path(next(named, str((source if source.is_dir() else source.parent) / RIG)))
-    return path.is_file() and read_rig(path).tip is not None
+    """Return True if the file of facts that ``run.rig`` names, or else the one next to the curves, states their tip."""
+    folder = source if source.is_dir() else source.parent
+    named_files = [str(value) for keys, value in map(parsed_assignment, overrides) if keys == ("run", "rig")]
+    file = Path(named_files[0]) if named_files else folder / RIG
+    return file.is_file() and read_rig(file).tip is not None
 
 
-def _open(folder: Path, port: int, no_browser: bool, read_only: bool, workers: int | None) -> None:
+def _serve_folder(folder: Path, port: int, no_browser: bool, read_only: bool, workers: int | None) -> None:
+    """Print the address of the page of a folder, open a browser and serve the page until Ctrl-C."""
     from palpate_desk.desk import Desk, writing
     from palpate_desk.desk_server import DeskServer
 
-    with contextlib.nullcontext() if read_only else writing(folder), _listening(port) as listener:
+    with contextlib.nullcontext() if read_only else writing(folder), _listening_socket(port) as listener:
         server = DeskServer(Desk(folder), read_only, workers)
         address = f"http://127.0.0.1:{listener.getsockname()[1]}/{server.token}/"
         typer.echo(
@@ -128,22 +136,23 @@ def _open(folder: Path, port: int, no_browser: bool, read_only: bool, workers: i
         if not no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             webbrowser.open(address)
         try:
-            asyncio.run(_served(server, listener))
+            asyncio.run(_serve(server, listener))
         finally:
-            for child in multiprocessing.active_children():  # what is under way is of no use any more
+            for child in multiprocessing.active_children():  # nobody waits for their fits any more
                 child.terminate()
 
 
-async def _served(server: object, listener: socket.socket) -> None:
+async def _serve(server: object, listener: socket.socket) -> None:
     """Serve until Ctrl-C or SIGTERM."""
     task = asyncio.ensure_future(server.run(listener))  # type: ignore[attr-defined]
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+    for ending_signal in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        asyncio.get_running_loop().add_signal_handler(ending_signal, task.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await task
 
 
-def _listening(port: int) -> socket.socket:
+def _listening_socket(port: int) -> socket.socket:
+    """Return a socket that listens at a port of 127.0.0.1; raises OutputError where the port is in use."""
     try:
         return listening_socket(port)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""``history.csv``: what was done on the page, as the commands that do the same; never done again from there."""
+"""``history.csv``: the actions on the page, as the commands that do the same; they are never executed from there."""
 
 from __future__ import annotations
 
@@ -20,41 +20,42 @@ _COLUMNS = ("number", "time", "command")
 
 @dataclass(frozen=True)
 class ActionHistory:
-    """The history of a folder: text that anybody may have written."""
+    """History of a folder: a text that anybody may have written."""
 
     folder: Path
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """The path of the file."""
         return self.folder / HISTORY
 
     @property
     def commands(self) -> list[str]:
-        """The command of every row, empty where it has none; raises LogError."""
+        """The command of every row, empty for a row without one; raises LogError."""
         return [row.get("command") or "" for row in csv.DictReader(io.StringIO(self._whole_lines()))]
 
     def demand_readable(self) -> None:
-        """Raise LogError where nothing can be added, so that nothing is done that the history does not have."""
+        """Raise LogError where no action can be added, so that none is done that the history lacks."""
         self._whole_lines()
 
     def append(self, action: Action) -> None:
-        """Add what was done; raises LogError, OutputError."""
+        """Add an action; raises LogError, OutputError."""
         text = self._whole_lines()
-        stamp = datetime.now(UTC).isoformat(timespec="milliseconds")
-        line = io.StringIO()
+        time = datetime.now(UTC).isoformat(timespec="milliseconds")
+        addition = io.StringIO()
         columns = next(csv.reader(io.StringIO(text)), _COLUMNS)  # an older file has more
-        table = csv.DictWriter(line, columns, lineterminator="\n")
+        table = csv.DictWriter(addition, columns, lineterminator="\n")
         if not text:
             table.writeheader()
-        table.writerow({"number": len(self.commands) + 1, "time": stamp, "command": action.text})
+        table.writerow({"number": len(self.commands) + 1, "time": time, "command": action.text})
+        # In place of a last line that is torn.
         with file_in_place(self.path) as file:
             file.seek(len(text.encode()))
             file.truncate()
-            file.write(line.getvalue().encode())
+            file.write(addition.getvalue().encode())
 
     def _whole_lines(self) -> str:
-        """Return the text without a last line that was torn in writing; raises LogError for what is not a history."""
+        """Return the text without a last line that was torn in writing; raises LogError for a file of another kind."""
         if not self.path.is_file():
             return ""
         try:
@@ -69,9 +70,9 @@ class ActionHistory:
 
     @property
     def script(self) -> str:
-        """All of it as a shell script for another folder; what the page does not do is a comment.
+        """The history as a shell script for another folder; commands that the page cannot make are comments.
 
-        Raises LogError, and ConfigurationError where nothing was done.
+        Raises LogError, and ConfigurationError for an empty history.
         """
         commands = self.commands
         if not commands:
@@ -81,11 +82,11 @@ class ActionHistory:
             f"# What palpate desk did in {printable(str(self.folder))}, for another folder: sh SCRIPT FOLDER",
             "set -e",
         ]
-        return "\n".join([*head, "out=${1:?which folder}", *map(_line, commands)]) + "\n"
+        return "\n".join([*head, "out=${1:?which folder}", *map(_script_line, commands)]) + "\n"
 
 
-def _line(command: str) -> str:
-    """Return the line of a script: a command that the page can make, as it writes it; anything else as a comment."""
+def _script_line(command: str) -> str:
+    """Return the line of a script for a command, written again as the page writes it, or as a comment."""
     try:
         action = Action.of(command)
         demand_allowed(action)

@@ -1,4 +1,4 @@
-"""What the page can ask for: a closed list of messages, read before anything is done."""
+"""Messages of the page: a closed list, validated before anything is done."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Annotated, Literal
 from palpate import ConfigurationError
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-LARGEST = 64 * 1024  # bytes of a message
+MAX_MESSAGE_SIZE = 64 * 1024  # [bytes], a choice: 32 answers with their keys, of 1000 characters each, fit
 
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Text = Annotated[str, Field(max_length=1000)]
 
 
 class Question(BaseModel):
-    """A message of the page."""
+    """Message of the page."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class CurveQuestion(Question):
-    """A curve to look at."""
+    """Question for a curve to draw."""
 
     do: Literal["curve"]
     curve: Name
@@ -28,14 +28,14 @@ class CurveQuestion(Question):
 
 
 class FilterQuestion(Question):
-    """Filter words: which rows hold."""
+    """Question for the curves that filter words hold."""
 
     do: Literal["filter"]
     words: Text
 
 
 class MarkOrder(Question):
-    """A mark on a curve."""
+    """Order to mark a curve."""
 
     do: Literal["mark"]
     curve: Name
@@ -44,7 +44,7 @@ class MarkOrder(Question):
 
 
 class SetOrder(Question):
-    """A setting of one curve, of those of filter words, or of all."""
+    """Order to change a setting of the curves of filter words, or of all."""
 
     do: Literal["set"]
     assignment: Text
@@ -52,35 +52,35 @@ class SetOrder(Question):
 
 
 class TipOrder(Question):
-    """Another tip, or another model, for all curves."""
+    """Order to replace the tip or the model of all curves."""
 
     do: Literal["tip", "model"]
     value: Name
 
 
 class RefitOrder(Question):
-    """One curve fitted again, or all that are not current; or an end to that."""
+    """Order to fit one curve, or all that are not current, to cancel that, or to undo the latest change."""
 
     do: Literal["refit", "refit-all", "cancel", "undo"]
     curve: Text = ""
 
 
 class FactsQuestion(Question):
-    """Which facts of the rig are open, and which ``curves.csv`` states of a curve."""
+    """Question for the open facts of the rig, and for those that ``curves.csv`` states of a curve."""
 
     do: Literal["facts"]
     curve: Text = ""
 
 
 class FactsOrder(Question):
-    """Facts of the rig, by their keys in ``rig.toml``."""
+    """Order to state facts of the rig, by their keys in ``rig.toml``."""
 
     do: Literal["state"]
     answers: Annotated[dict[Name, Name], Field(min_length=1, max_length=32)]
 
 
 class GroupsQuestion(Question):
-    """Statistics and tests between groups."""
+    """Question for statistics of groups and tests between them."""
 
     do: Literal["groups"]
     by: Name
@@ -88,7 +88,7 @@ class GroupsQuestion(Question):
 
 
 class CompareQuestion(Question):
-    """Models weighed on a curve."""
+    """Question for a comparison of the model of the folder with another one on a curve."""
 
     do: Literal["compare"]
     curve: Name
@@ -96,7 +96,7 @@ class CompareQuestion(Question):
 
 
 class ExportOrder(Question):
-    """Something to write into the folder."""
+    """Order to write a report, a picture, a map or the history into the folder."""
 
     do: Literal["export"]
     what: Literal["report", "groups", "map", "figure", "history"]
@@ -114,7 +114,13 @@ _MESSAGES: TypeAdapter[
     CurveQuestion | FilterQuestion | MarkOrder | SetOrder | TipOrder | RefitOrder | FactsQuestion | FactsOrder
     | GroupsQuestion | CompareQuestion | ExportOrder
 ] = TypeAdapter(Message)  # fmt: skip
-READING = (CurveQuestion, FilterQuestion, FactsQuestion, GroupsQuestion, CompareQuestion)  # which write nothing
+READ_ONLY_MESSAGES = (
+    CurveQuestion,
+    FilterQuestion,
+    FactsQuestion,
+    GroupsQuestion,
+    CompareQuestion,
+)  # they write nothing
 
 
 def read_message(text: str | bytes) -> Question:

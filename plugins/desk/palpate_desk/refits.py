@@ -1,4 +1,4 @@
-"""The processes that fit: one that is warm for the curve that is looked at, and more of them for many curves."""
+"""Processes that fit: one that is ready for the curve on the page, and more of them for many curves."""
 
 from __future__ import annotations
 
@@ -19,93 +19,106 @@ from palpate_kit.jobs.process_pool import core_count, process_pool
 
 from palpate_desk.curve_answers import prepare_process
 
-_MANY = 100  # curves that are worth a further process, which imports for seconds
-_TOGETHER = 8  # curves that a further process is given at once
+_CURVES_PER_PROCESS = 100  # a choice: so many curves are worth another process, which imports for seconds
+_PORTION = 8  # curves that such a process is given at once, a choice: less overhead, but later cancelled
 _Answer = TypeVar("_Answer")
 
 
 def end_with_parent() -> None:
-    """Let this process end when the one that started it does, even by a kill."""
+    """End this process, by a thread, when the process that started it ends, even by a kill."""
     parent = multiprocessing.parent_process()
 
-    def follow() -> None:
+    def wait_for_parent() -> None:
         if parent is not None:
             parent.join()
             os._exit(1)
 
-    threading.Thread(target=follow, daemon=True, name="parent").start()
+    threading.Thread(target=wait_for_parent, daemon=True, name="parent").start()
 
 
 class Worker:
-    """A process that fits, and a new one where it was killed."""
+    """Process that fits, replaced by a new one where it was killed."""
 
     def __init__(self) -> None:
-        self._pool = self._begun()
+        self._pool = self._start_process()
 
     @staticmethod
-    def _begun() -> ProcessPoolExecutor:
+    def _start_process() -> ProcessPoolExecutor:
+        """Return a pool of one new process."""
         pool = process_pool(1, end_with_parent)
-        pool.submit(prepare_process)  # so that the first curve need not wait for it
+        pool.submit(prepare_process)  # imports in advance, so that the first curve need not wait
         return pool
 
     async def call(self, function: Callable[..., _Answer], *arguments: Any) -> _Answer:
-        """What a function finds there; raises BrokenProcessPool where the process was killed."""
+        """Call a function in the process and return its result; raises BrokenProcessPool where it was killed."""
         try:
             return await asyncio.wrap_future(self._pool.submit(function, *arguments))
         except BrokenProcessPool:
-            self._pool = self._begun()
+            self._pool = self._start_process()
             raise
 
     def close(self) -> None:
-        """End it without waiting."""
+        """End the process without waiting for it."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 class Refits:
-    """Many curves on their way, a question about one of them before all that wait."""
+    """Fit of many curves by several processes; the first of these also answers questions on single curves."""
 
     def __init__(self, first: Worker, take: Callable[[list[Row]], None], workers: int | None) -> None:
-        self._first, self._take = first, take
-        self._workers = workers or core_count()
-        self._left: deque[tuple[CurveReader, Curve]] = deque()
+        """Prepare fits with at most so many workers (None: one for each core); `take` gets the rows of each curve."""
+        self._first = first
+        self._take = take
+        self._max_workers = workers or core_count()
+        self._pending: deque[tuple[CurveReader, Curve]] = deque()
         self.running = self.cancelled = False
-        self.done = self.count = 0
+        self.done = self.count = 0  # curves
 
     async def fit(self, curves: Iterable[tuple[CurveReader, Curve]]) -> None:
         """Fit curves, each by its reader, until all are done or it is cancelled."""
-        self._left = deque(curves)
-        self.done, self.count, self.running, self.cancelled = 0, len(self._left), True, False
-        more = [Worker() for _ in range(min(self._workers - 1, self.count // _MANY))]
+        self._pending = deque(curves)
+        self.done = 0
+        self.count = len(self._pending)
+        self.running = True
+        self.cancelled = False
+        others = [Worker() for _ in range(min(self._max_workers - 1, self.count // _CURVES_PER_PROCESS))]
         try:
-            await asyncio.gather(self._drain(self._first, 1), *(self._drain(worker, _TOGETHER) for worker in more))
+            # One curve at a time in the first process, so that a question waits for no more.
+            await asyncio.gather(
+                self._fit_pending(self._first, max_portion=1),
+                *(self._fit_pending(worker, max_portion=_PORTION) for worker in others),
+            )
         finally:
             self.running = False
-            for worker in more:
+            for worker in others:
                 worker.close()
 
     def cancel(self) -> None:
-        """Begin no further curve; what is done stays."""
+        """Start no other curve; fits that are done stay."""
         self.cancelled = True
-        self._left.clear()
+        self._pending.clear()
 
-    async def _drain(self, worker: Worker, most: int) -> None:
-        """Have a process fit what is left, a portion of one reader after the other."""
-        while self._left:
-            reader, curve = self._left.popleft()
+    async def _fit_pending(self, worker: Worker, max_portion: int) -> None:
+        """Fit the pending curves by a process, in portions of one reader, until none is left."""
+        while self._pending:
+            reader, curve = self._pending.popleft()
             portion = [curve]
-            while len(portion) < most and self._left and self._left[0][0] == reader:
-                portion.append(self._left.popleft()[1])
+            while len(portion) < max_portion and self._pending and self._pending[0][0] == reader:
+                portion.append(self._pending.popleft()[1])
             try:
-                found = await worker.call(fit_curves, reader, portion)
+                rows_of_curves = await worker.call(fit_curves, reader, portion)
             except BrokenProcessPool:
-                found = [await self._alone(worker, reader, one) for one in portion]
-            for rows in found:
+                rows_of_curves = [await self._fit_alone(worker, reader, curve) for curve in portion]
+            for rows in rows_of_curves:
                 self.done += 1
                 self._take(rows)
 
     @staticmethod
-    async def _alone(worker: Worker, reader: CurveReader, curve: Curve) -> list[Row]:
-        """Fit a curve by itself after a process was killed; the one that kills it again is reported and skipped."""
+    async def _fit_alone(worker: Worker, reader: CurveReader, curve: Curve) -> list[Row]:
+        """Return the rows of a curve that is fitted by itself after the process was killed.
+
+        A curve at which the process is killed again has rows with that error.
+        """
         try:
             return (await worker.call(fit_curves, reader, [curve]))[0]
         except BrokenProcessPool:
