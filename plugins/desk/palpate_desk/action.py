@@ -39,12 +39,12 @@ class Action:
     def of(cls, text: str) -> Action:
         """Return the action of a command line made by the property `text`; raises ConfigurationError for any other."""
         try:
-            words = shlex.split(text)
+            parsed_words = shlex.split(text)
         except ValueError as error:
             raise ConfigurationError(f"{text!r}: is not a command line: {error}") from error
-        command = next((name for name in _COMMANDS if words[1 : 1 + len(name.split())] == name.split()), "")
-        arguments = words[1 + len(command.split()) :]
-        if words[:1] != ["palpate"] or not command or not arguments or arguments[0].startswith("-"):
+        command = next((name for name in _COMMANDS if parsed_words[1 : 1 + len(name.split())] == name.split()), "")
+        arguments = parsed_words[1 + len(command.split()) :]
+        if parsed_words[:1] != ["palpate"] or not command or not arguments or arguments[0].startswith("-"):
             raise ConfigurationError(f"{text!r}: is not a command of the page")
         return cls(command, tuple(_options(arguments[1:])), source=arguments[0])
 
@@ -74,13 +74,13 @@ def _words(action: Action, folder: str, quote: Callable[[str], str]) -> Iterator
             yield quote(value)
 
 
-def _options(words: list[str]) -> Iterator[tuple[str, str]]:
+def _options(arguments: list[str]) -> Iterator[tuple[str, str]]:
     """Yield options with their values, that of a flag empty; raises ConfigurationError."""
-    remaining = iter(words)
-    for word in remaining:
-        option, equals, value = word.partition("=")
+    remaining = iter(arguments)
+    for argument in remaining:
+        option, equals, value = argument.partition("=")
         if not option.startswith("--") or (equals and option in _FLAGS):
-            raise ConfigurationError(f"{word!r}: is not an option of a command of the page")
+            raise ConfigurationError(f"{argument!r}: is not an option of a command of the page")
         if not equals and option not in _FLAGS:
             value = next(remaining, "")
         yield option, value

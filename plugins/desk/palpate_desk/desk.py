@@ -10,7 +10,7 @@ import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import typer
 from palpate import ConfigurationError, OutputError, printable, suggest
@@ -145,9 +145,9 @@ class Desk:
                 table.compact(self.folder.names)
         self._file_states = self._present_file_states()
 
-    def chosen(self, words: str) -> list[str]:
+    def chosen(self, filter_words: str) -> list[str]:
         """Return the names of the curves that filter words hold; raises ConfigurationError."""
-        rows = curve_filter(words, self.folder, registry.load().meanings).choose(self.folder.rows)
+        rows = curve_filter(filter_words, self.folder, registry.load().meanings).choose(self.folder.rows)
         return list(dict.fromkeys(row.curve for row in rows))
 
     def mark(self, curve: str, mark: Mark, reason: str) -> Action:
@@ -173,11 +173,11 @@ class Desk:
         self._change(action, inverse)
         return action
 
-    def set_part(self, kind: str, value: str) -> Action:
-        """Replace the tip or the model (`kind`) of all curves; raises ConfigurationError."""
-        action = Action("fit", ((f"--{kind}", value), ("--no-refit", "")))
+    def set_part(self, option: Literal["tip", "model"], value: str) -> Action:
+        """Replace the tip or the model of all curves; raises ConfigurationError."""
+        action = Action("fit", ((f"--{option}", value), ("--no-refit", "")))
         tables = tomllib.loads(self.folder.settings_text())
-        self._change(action, tip_inverse(tables) if kind == "tip" else model_inverse(tables))
+        self._change(action, tip_inverse(tables) if option == "tip" else model_inverse(tables))
         return action
 
     def state_facts(self, answers: Mapping[str, str]) -> Action:

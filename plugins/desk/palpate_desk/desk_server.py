@@ -23,7 +23,7 @@ from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from palpate_desk import page_messages as asked
+from palpate_desk import page_messages
 from palpate_desk.action import Action
 from palpate_desk.curve_answers import CurveAnswer, curve_answer, reader_with_model
 from palpate_desk.desk import Desk, one_curve
@@ -48,26 +48,26 @@ class DeskServer:
     def __init__(self, desk: Desk, read_only: bool, workers: int | None) -> None:
         self.desk, self.read_only = desk, read_only
         self.token = secrets.token_urlsafe(16)
-        self._pages: dict[ServerConnection, asked.CurveQuestion | None] = {}  # latest question of each page
+        self._pages: dict[ServerConnection, page_messages.CurveQuestion | None] = {}  # latest question of each page
         self._cache: OrderedDict[tuple[str, str], CurveAnswer] = OrderedDict()  # by name and settings, last used last
         self._worker = Worker()
         self._refits = Refits(self._worker, self._take, workers)
         self._tasks = set[asyncio.Task[None]]()  # the loop alone would not keep a task alive
         self._refitted: list[str] = []  # curves that the present refit of all has fitted
         self._orders: dict[type, Callable[[Any], None]] = {
-            asked.MarkOrder: lambda m: self._report_change(desk.mark(m.curve, m.mark, m.reason), [m.curve]),
-            asked.SetOrder: lambda m: self._report_change(desk.set(m.assignment, m.where)),
-            asked.TipOrder: lambda m: self._report_change(desk.set_part(m.do, m.value)),
+            page_messages.MarkOrder: lambda m: self._report_change(desk.mark(m.curve, m.mark, m.reason), [m.curve]),
+            page_messages.SetOrder: lambda m: self._report_change(desk.set(m.assignment, m.where)),
+            page_messages.TipOrder: lambda m: self._report_change(desk.set_part(m.do, m.value)),
         }
 
     async def run(self, listener: socket.socket) -> None:
-        """Serve until cancelled."""
-        silent = logging.getLogger("palpate_desk")
-        silent.disabled = True
+        """Serve the pages until cancelled; then end them, and compact the tables."""
+        logger = logging.getLogger("palpate_desk")  # of websockets, whose errors the pages get
+        logger.disabled = True
         async with serve(
-            self._serve, sock=listener, process_request=self._admit, compression=None, logger=silent,
-            max_size=asked.MAX_MESSAGE_SIZE, server_header=None, open_timeout=GREETING, close_timeout=_CLOSE_TIMEOUT,
-            create_connection=GuardedConnection,
+            self._serve, sock=listener, process_request=self._admit, compression=None, logger=logger,
+            max_size=page_messages.MAX_MESSAGE_SIZE, server_header=None, open_timeout=GREETING,
+            close_timeout=_CLOSE_TIMEOUT, create_connection=GuardedConnection,
         ):  # fmt: skip
             try:
                 await self._watch_files()
@@ -125,32 +125,32 @@ class DeskServer:
     async def _answer(self, page: ServerConnection, text: str | bytes, has_question: asyncio.Event) -> None:
         """Answer a message of a page; a question for a curve sets the event."""
         with self._reported_errors(page):
-            message = asked.read_message(text)
-            if self.read_only and not isinstance(message, asked.READ_ONLY_MESSAGES):
+            message = page_messages.read_message(text)
+            if self.read_only and not isinstance(message, page_messages.READ_ONLY_MESSAGES):
                 raise ConfigurationError("the page was opened with --read-only")
-            if isinstance(message, asked.CurveQuestion):
+            if isinstance(message, page_messages.CurveQuestion):
                 self._pages[page] = message  # replaces one that waits
                 has_question.set()
-            elif isinstance(message, asked.FilterQuestion):
+            elif isinstance(message, page_messages.FilterQuestion):
                 names = self.desk.chosen(message.words)
                 self._send(page, {"kind": "filter", "words": message.words, "names": names})
-            elif isinstance(message, asked.RefitOrder):
+            elif isinstance(message, page_messages.RefitOrder):
                 await self._refit(page, message)
-            elif isinstance(message, asked.FactsQuestion):
+            elif isinstance(message, page_messages.FactsQuestion):
                 open_facts = await open_facts_of(self.desk, self._fitted_curve)
                 self._send(page, facts_message(self.desk, open_facts, message.curve))
-            elif isinstance(message, asked.FactsOrder):
+            elif isinstance(message, page_messages.FactsOrder):
                 self._state_facts(page, message)
-            elif isinstance(message, asked.CompareQuestion):
+            elif isinstance(message, page_messages.CompareQuestion):
                 await self._compare(page, message)
-            elif isinstance(message, asked.GroupsQuestion | asked.ExportOrder):
+            elif isinstance(message, page_messages.GroupsQuestion | page_messages.ExportOrder):
                 self._send(page, await exported(self.desk, message))
-                if isinstance(message, asked.ExportOrder):
+                if isinstance(message, page_messages.ExportOrder):
                     self._tell(self._state())
             else:
                 self._orders[type(message)](message)
 
-    def _state_facts(self, page: ServerConnection, message: asked.FactsOrder) -> None:
+    def _state_facts(self, page: ServerConnection, message: page_messages.FactsOrder) -> None:
         """Write the answers of a form and fit the curves again, or send the mistakes of all fields."""
         self._demand_idle()
         mistakes = fact_mistakes(message.answers)
@@ -168,7 +168,7 @@ class DeskServer:
         if self._refits.running:
             raise ConfigurationError("curves are being fitted; cancel that first")
 
-    async def _compare(self, page: ServerConnection, message: asked.CompareQuestion) -> None:
+    async def _compare(self, page: ServerConnection, message: page_messages.CompareQuestion) -> None:
         """Send the comparison of two models on a curve, with the fit of the second one."""
         comparison = await exported(self.desk, message)
         reader = reader_with_model(self.desk.reader(message.curve), message.model)
@@ -176,7 +176,7 @@ class DeskServer:
         header = {**comparison, "curve": message.curve, "model": message.model, "error": second_fit.error}
         self._send(page, pack_rows(header, second_fit.time, second_fit.columns))
 
-    async def _refit(self, page: ServerConnection, message: asked.RefitOrder) -> None:
+    async def _refit(self, page: ServerConnection, message: page_messages.RefitOrder) -> None:
         """Fit one curve or all that are not current, cancel that, or undo the latest change."""
         if message.do == "undo":
             self._report_change(self.desk.undo())

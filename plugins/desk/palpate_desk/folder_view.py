@@ -22,7 +22,7 @@ from palpate_kit.curves.folder_settings import SETTINGS
 from palpate_kit.curves.row_results import result_row
 from palpate_kit.figures import force_unit
 
-from palpate_desk import page_messages as asked
+from palpate_desk import page_messages
 from palpate_desk.action import OUT, Action, where_curve
 from palpate_desk.command_gate import demand_allowed
 from palpate_desk.desk import Desk
@@ -86,14 +86,14 @@ def folder_message(desk: Desk) -> dict[str, Any]:
     }
     units = {name: display_unit(folder.units.get(name, ""))[0] for name in _shown_values(folder)}
     estimators = tables.get("estimator", {})
-    fit = next((name for name, table in estimators.items() if table.get("type") == "casadi-fit"), "")
+    fit_name = next((name for name, table in estimators.items() if table.get("type") == "casadi-fit"), "")
     return {
         "kind": "folder", "name": str(folder.path), "units": units, "columns": folder.columns, "meanings": meanings,
         "residual_unit": _residual_unit(folder)[0], "group_by": _first_group(folder),
         "rows": row_messages(folder, folder.rows), "tip": _tip_words(tables),
         "model": next(iter(tables.get("model", {})), ""),
         "models": sorted(parts_registry.parts["model"]),
-        "fit": fit, "segment": estimators.get(fit, {}).get("segment", ""),
+        "fit": fit_name, "segment": estimators.get(fit_name, {}).get("segment", ""),
         "own": {name: list(texts) for name, texts in folder.own.items()},
     }  # fmt: skip
 
@@ -112,27 +112,27 @@ def _tip_words(tables: dict[str, Any]) -> str:
     tip: dict[str, Any] = next(iter(tables.get("indenter", {}).values()), {})
     if tip.get("type") == "sphere":  # in words a ball; that of a pipeline is a paraboloid
         tip = {"type": "paraboloid", "curvature_radius": tip["radius"]}
-    words = [str(tip.get("type", ""))]
+    tip_words = [str(tip.get("type", ""))]
     for key, setting in tip.items():
         if key in ("radius", "curvature_radius", "tip_radius"):
-            words.append(f"{key} {_MILLIMETRE * setting:.6g} mm")
+            tip_words.append(f"{key} {_MILLIMETRE * setting:.6g} mm")
         elif key != "type":
-            words.append(f"{key} {setting}")
-    return " ".join(words)
+            tip_words.append(f"{key} {setting}")
+    return " ".join(tip_words)
 
 
-async def exported(desk: Desk, message: asked.Question) -> dict[str, Any]:
+async def exported(desk: Desk, message: page_messages.Question) -> dict[str, Any]:
     """Return the answer of a command: statistics of groups, a comparison of models, or the last lines of an export."""
-    if isinstance(message, asked.GroupsQuestion):
+    if isinstance(message, page_messages.GroupsQuestion):
         action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
         statistics = json.loads(await _output(action, desk))
         factor = display_unit(statistics["unit"])[1]
         return {"kind": "groups", "found": statistics, "factor": factor, "command": action.text_for(str(desk.path))}
-    if isinstance(message, asked.CompareQuestion):
+    if isinstance(message, page_messages.CompareQuestion):
         action = _comparison(desk, message)
         comparison = json.loads(await _output(action, desk))
         return {"kind": "compare", "found": comparison, "command": action.text_for(str(desk.path))}
-    assert isinstance(message, asked.ExportOrder)
+    assert isinstance(message, page_messages.ExportOrder)
     desk.demand_no_links()
     if message.what == "history":
         script = desk.path / "history.sh"
@@ -148,7 +148,7 @@ async def exported(desk: Desk, message: asked.Question) -> dict[str, Any]:
     return {"kind": "export", "text": " ".join(last_lines).strip(), "command": action.text_for(str(desk.path))}
 
 
-def _comparison(desk: Desk, message: asked.CompareQuestion) -> Action:
+def _comparison(desk: Desk, message: page_messages.CompareQuestion) -> Action:
     """Return the command that compares the folder's model with another one on a curve."""
     folder_models = tomllib.loads(desk.folder.settings_text()).get("model", {})
     models = dict.fromkeys((next(iter(folder_models)), message.model))
@@ -156,16 +156,16 @@ def _comparison(desk: Desk, message: asked.CompareQuestion) -> Action:
     return Action("fit choose", (("--models", ",".join(models)), ("--where", where), ("--json", "")))
 
 
-def _export(desk: Desk, message: asked.ExportOrder) -> Action:
+def _export(desk: Desk, message: page_messages.ExportOrder) -> Action:
     """Return the command that writes a report, a map, a picture of groups, or the figures of a curve."""
-    by = (("--by", message.by),) if message.by else ()
+    grouping = (("--by", message.by),) if message.by else ()
     parameter = (("--parameter", message.parameter),) if message.parameter else ()
     if message.what == "report":
-        return Action("report", by)
+        return Action("report", grouping)
     if message.what == "map":
         return Action("map", parameter)
     if message.what == "groups":
-        return Action("repeat", (*by, *parameter, ("--picture", f"{OUT}/groups.svg")))
+        return Action("repeat", (*grouping, *parameter, ("--picture", f"{OUT}/groups.svg")))
     curve = desk.curve(message.curve)
     name = Path(curve.name.replace("/", "_")).stem.strip(".") or "curve"
     return Action("fit", (("--pipeline", f"{OUT}/{SETTINGS}"), ("--out", f"{OUT}/figures/{name}")), curve.file)

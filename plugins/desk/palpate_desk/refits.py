@@ -75,22 +75,22 @@ class Refits:
         self.done = self.count = 0  # curves
 
     async def fit(self, curves: Iterable[tuple[CurveReader, Curve]]) -> None:
-        """Fit curves, each by its reader, until all are done or it is cancelled."""
+        """Fit curves, each by its reader, until all are done, or until `cancel`."""
         self._pending = deque(curves)
         self.done = 0
         self.count = len(self._pending)
         self.running = True
         self.cancelled = False
-        others = [Worker() for _ in range(min(self._max_workers - 1, self.count // _CURVES_PER_PROCESS))]
+        extra_workers = [Worker() for _ in range(min(self._max_workers - 1, self.count // _CURVES_PER_PROCESS))]
         try:
             # One curve at a time in the first process, so that a question waits for no more.
             await asyncio.gather(
                 self._fit_pending(self._first, max_portion=1),
-                *(self._fit_pending(worker, max_portion=_PORTION) for worker in others),
+                *(self._fit_pending(worker, max_portion=_PORTION) for worker in extra_workers),
             )
         finally:
             self.running = False
-            for worker in others:
+            for worker in extra_workers:
                 worker.close()
 
     def cancel(self) -> None:

@@ -13,14 +13,14 @@ from palpate_desk.action import Action, where_curve
 _WITHOUT_REFIT = ("--no-refit", "")  # option
 
 
-def own_inverse(own: Mapping[str, Sequence[str]], names: Collection[str], key: str) -> list[Action]:
+def own_inverse(own_settings: Mapping[str, Sequence[str]], names: Collection[str], key: str) -> list[Action]:
     """Return the commands that give a key of single curves its present value again.
 
-    `own`: assignments "key=value" of each curve's own settings, by curve; `names` of the curves.
+    `own_settings`: assignments "key=value" of each curve's settings, by curve; `names` of the curves.
     """
     inverse = []
     for name in names:
-        assignment = next((text for text in own.get(name, ()) if text.partition("=")[0].strip() == key), None)
+        assignment = next((text for text in own_settings.get(name, ()) if text.partition("=")[0].strip() == key), None)
         change = ("--unset", key) if assignment is None else ("--set", assignment)
         inverse.append(Action("fit", (("--where", where_curve(name)), change, _WITHOUT_REFIT)))
     return inverse
