@@ -29,21 +29,27 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
     lumps, and a lump that the others and the background explain is dropped. A stiff part of the area that few bodies
     do not explain is a lump by its sites alone. Lumps are excluded at places of the area, by default between the sites.
     """
+    # Groups of stiff sites, each one to be fitted by bodies, or wide: a stiff part of the area.
     coarse = merge_sites(sites, settings.width)
     baseline = background_sites(coarse, settings.spread, settings.width)
-    groups = stiff_groups(coarse, baseline, settings)
     area = _AreaSites(SiteField(sites.place, site_numbers(sites, settings.width), coarse.log), coarse, settings)
-    wide = [group for group in groups if is_wide(coarse, group, baseline)]
-    fit, wide = area.explain([group for group in groups if not any(group is other for other in wide)], wide)
+    groups, wide = [], []
+    for group in stiff_groups(coarse, baseline, settings):
+        (wide if is_wide(coarse, group, baseline) else groups).append(group)
+    fit, wide = area.explain(groups, wide)
+
+    # A lump of each wide group and of each body, and the baseline without the bodies.
     p = prediction_p(coarse.log, baseline)
     lumps = [lump_of_sites(coarse, group, baseline, p) for group in wide]
     if fit is not None:
         points = coarse.place[is_visit(coarse)]
         lumps += [body_lump(fit, members, points, settings.contact_radius) for members in lump_members(fit)]
         # Without the bodies the sites may be one population, which they were not with them.
-        baseline = baseline if wide else area.remainder(fit, np.arange(len(coarse)))[1]
+        if not wide:
+            _, baseline = area.remainder(fit, np.arange(len(coarse)))
         baseline = replace(baseline, mean=fit.level, spread=fit.noise)
     lumps = [lump for lump in lumps if lump.p <= settings.rate and lump.contrast >= settings.contrast]
+
     excluded = excluded_lumps(
         area.field, direction=site_directions(sites), baseline=baseline, lumps=lumps, settings=settings, area=places
     )

@@ -150,26 +150,21 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
     contrasts about their starts, over the spread of their prior. Covariance: (J'J)^-1 with the prior's rows in J.
     """
     starts = tuple(bodies)
-    # Unknowns and their bounds: the level, then of each body its shift, contrast and log sigma.
-    low, high, begin = [-np.inf], [np.inf], [_level(field, starts)]
-    for body in starts:
-        shift = body.size - 2  # coordinates of the shift
-        farthest = min(_MAX_SHIFT, shift_sigmas * body.sigma)
-        low += [-farthest] * shift + [_MIN_CONTRAST, np.log(_MIN_SIGMA)]
-        high += [farthest] * shift + [_MAX_CONTRAST, np.log(_MAX_SIGMA)]
-        begin += [0.0] * shift + [body.contrast, np.log(body.sigma)]
-    unknowns, noise = np.array(begin), floor
-    residual: Floats = np.zeros(0)
+    start, low, high = _unknowns_and_bounds(_level(field, starts), starts, shift_sigmas)
     widths = np.cumsum([body.size for body in starts], dtype=int)
     system = _Equations(field, starts, widths)
-    # Fit and noise in turn, until the noise stays.
+    unknowns, noise = start, floor
+    residual: Floats = np.zeros(0)
+    # Fit and noise in turn, until the noise stays: noise^2 = r'r over the degrees of freedom.
     for _ in range(_NOISE_ROUNDS if starts else 1):
-        normal = partial(system.normal, noise=noise)
-        unknowns = least_squares(normal, unknowns, np.array(low), np.array(high), gain=_GAIN).x
+        unknowns = least_squares(partial(system.normal, noise=noise), unknowns, low, high, gain=_GAIN).x
         residual, _ = system.site_rows(unknowns)
-        before, noise = noise, max(floor, float(np.sqrt(residual @ residual / max(len(residual) - len(begin), 1))))
-        if abs(noise / before - 1) < _NOISE_CHANGE:
+        freedom = max(len(residual) - len(start), 1)
+        previous_noise = noise
+        noise = max(floor, float(np.sqrt(residual @ residual / freedom)))
+        if abs(noise / previous_noise - 1) < _NOISE_CHANGE:
             break
+    # J'J is [r, J]'[r, J] without the row and column of the residual.
     square: Floats = system.normal(unknowns, noise)
     covariance: Floats = np.asarray(np.linalg.pinv(square[1:, 1:], hermitian=True), float)
     return BodyFit(
@@ -182,6 +177,21 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
         prior=float(np.square(system.prior_rows(unknowns)[:, 0]).sum()),
         covariance=covariance,
     )
+
+
+def _unknowns_and_bounds(level: float, bodies: Sequence[Body], shift_sigmas: float) -> tuple[Floats, Floats, Floats]:
+    """Return the unknowns of a fit where it starts, and their lower and upper bounds.
+
+    They are the level, and of each body its shift [m] in two or three coordinates, its contrast and log sigma.
+    """
+    start, low, high = [level], [-np.inf], [np.inf]
+    for body in bodies:
+        shift_count = body.size - 2
+        farthest = min(_MAX_SHIFT, shift_sigmas * body.sigma)
+        low += [-farthest] * shift_count + [_MIN_CONTRAST, np.log(_MIN_SIGMA)]
+        high += [farthest] * shift_count + [_MAX_CONTRAST, np.log(_MAX_SIGMA)]
+        start += [0.0] * shift_count + [body.contrast, np.log(body.sigma)]
+    return np.array(start), np.array(low), np.array(high)
 
 
 def _level(field: SiteField, bodies: Sequence[Body]) -> float:

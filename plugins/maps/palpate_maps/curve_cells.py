@@ -80,26 +80,52 @@ def read_curve_cells(
     folder = FitFolder(path)
     if not folder.tracks:
         raise LogError(f"{path}: no curve of it was fitted")
-    track, parameter = track or folder.tracks[0], parameter or folder.values[0]
-    chosen = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track in (track, "")]
-    placed = [(row, place) for row in chosen if (place := row.place) is not None]
-    places = np.array([place for _, place in placed]).reshape(-1, 2)
-    steps = [axis_step(places[:, axis]) for axis in (0, 1)]
-    if len(places) < 2 or max(steps) == 0 or max(steps) >= MERGE_DISTANCE:
+    chosen_track = track or folder.tracks[0]
+    chosen_parameter = parameter or folder.values[0]
+    rows, places = _placed_rows(folder, chosen_track, where)
+    steps = [axis_step(places[:, 0]), axis_step(places[:, 1])]
+    widest = max(steps)
+    if len(places) < 2 or widest == 0 or widest >= MERGE_DISTANCE:
         return None
-    step = [along_axis or max(steps) for along_axis in steps]  # a single line has cells as high as wide
-    low = places.min(axis=0)
-    cells = np.rint((places - low) / step).astype(np.intp)
-    off = np.abs(low + cells * step - places) / step
-    size = cells.max(axis=0) + 1
-    if (
-        off.max() > _OFF_GRID
-        or len({*map(tuple, cells)}) < len(cells)
-        or size.prod() > _MAX_CELLS_PER_CURVE * len(cells)
-    ):
+    # A single line has cells as high as wide.
+    cell_size = np.array([step or widest for step in steps])
+    lowest = places.min(axis=0)
+    cells = _grid_cells(places, lowest, cell_size)
+    if cells is None:
         raise LogError(f"{path}: its curves are less than 1 mm apart and not on a grid, of which no map is made")
-    x, y = (low[axis] + step[axis] * np.arange(size[axis]) for axis in (0, 1))
-    return CurveCells(rows=[row for row, _ in placed], cells=cells, x=x, y=y, parameter=parameter)
+    column_count, line_count = cells.max(axis=0) + 1
+    return CurveCells(
+        rows=rows,
+        cells=cells,
+        x=lowest[0] + cell_size[0] * np.arange(column_count),
+        y=lowest[1] + cell_size[1] * np.arange(line_count),
+        parameter=chosen_parameter,
+    )
+
+
+def _placed_rows(folder: FitFolder, track: str, where: str | None) -> tuple[list[CurveRow], Floats]:
+    """Return the curves of a track, and those that were not fitted, that have a place, and the places (n, 2) [m]."""
+    rows, places = [], []
+    for row in curve_filter(where, folder).choose(folder.rows):
+        if row.track in (track, "") and row.place is not None:
+            rows.append(row)
+            places.append(row.place)
+    return rows, np.array(places).reshape(-1, 2)
+
+
+def _grid_cells(places: Floats, lowest: Floats, cell_size: Floats) -> NDArray[np.intp] | None:
+    """Return column and line (n, 2) of places (n, 2) [m] in a grid from its lowest place on; None if they have no grid.
+
+    They have none where a place is off its cell, where two have one cell, or where most cells would be empty.
+    """
+    cells = np.rint((places - lowest) / cell_size).astype(np.intp)
+    # A place is off its cell by a share of the cell's size.
+    offset = np.abs(lowest + cells * cell_size - places) / cell_size
+    cell_count = (cells.max(axis=0) + 1).prod()
+    is_off_grid = offset.max() > _OFF_GRID
+    has_shared_cell = len({*map(tuple, cells)}) < len(cells)
+    is_sparse = cell_count > _MAX_CELLS_PER_CURVE * len(cells)
+    return None if is_off_grid or has_shared_cell or is_sparse else cells
 
 
 def axis_step(values: Floats) -> float:
@@ -145,23 +171,37 @@ def length_unit(extent: float) -> tuple[str, float]:
 def cells_picture(cells: CurveCells, unit: str) -> Any:
     """Draw value and relative uncertainty side by side, a cell for each curve; a cross is one without a value."""
     figure, axes = figure_of(2, height=60.0)
+    length, per_metre = length_unit(max(cells.extent))
+    edges = _outer_edges(cells, per_metre)
+    # Value [display unit] and uncertainty [%], each with its colours.
     name, factor = display_unit(unit)
     value = cells.field()
-    length, per_metre = length_unit(max(cells.extent))
-    steps = [np.diff(axis)[0] if len(axis) > 1 else 0.0 for axis in (cells.x, cells.y)]
-    half = [per_metre * (step or max(steps)) / 2 for step in steps]
-    ends = [
-        (per_metre * axis[0] - h, per_metre * axis[-1] + h) for axis, h in zip((cells.x, cells.y), half, strict=True)
+    relative_std = 100 * cells.field("_combined") / np.abs(value)
+    panels = [
+        (value * factor, f"{cells.parameter} [{name}]", "viridis"),
+        (relative_std, "uncertainty [%]", "magma"),
     ]
-    extent = [edge for pair in ends for edge in pair]
-    empty = [cell for cell, is_usable in zip(cells.cells, cells.usable, strict=True) if not is_usable]
-    shown = ((value * factor, f"{cells.parameter} [{name}]", "viridis"),
-             (100 * cells.field("_combined") / np.abs(value), "uncertainty [%]", "magma"))  # fmt: skip
-    for axis, (field, title, colours) in zip(axes[0], shown, strict=True):
-        image = axis.imshow(field, origin="lower", extent=extent, cmap=colours, aspect="equal", interpolation="nearest")
+    for axis, (field, title, colours) in zip(axes[0], panels, strict=True):
+        image = axis.imshow(field, origin="lower", extent=edges, cmap=colours, aspect="equal", interpolation="nearest")
         figure.colorbar(image, ax=axis, shrink=0.8)
-        for column, line in empty:
-            axis.plot(per_metre * cells.x[column], per_metre * cells.y[line], "x", color="0.5", markersize=4)
+        _mark_empty_cells(axis, cells, per_metre)
         axis.set(title=title, xlabel=f"x [{length}]", ylabel=f"y [{length}]")
         axis.grid(False)
     return figure
+
+
+def _outer_edges(cells: CurveCells, per_metre: float) -> list[float]:
+    """Return left, right, bottom and top of the cells [unit of the axes]; a single line is as high as wide."""
+    steps = [np.diff(places)[0] if len(places) > 1 else 0.0 for places in (cells.x, cells.y)]
+    edges = []
+    for places, step in zip((cells.x, cells.y), steps, strict=True):
+        half_cell = per_metre * (step or max(steps)) / 2
+        edges += [per_metre * places[0] - half_cell, per_metre * places[-1] + half_cell]
+    return edges
+
+
+def _mark_empty_cells(axis: Any, cells: CurveCells, per_metre: float) -> None:
+    """Draw a cross at each curve without a value."""
+    for (column, line), is_usable in zip(cells.cells, cells.usable, strict=True):
+        if not is_usable:
+            axis.plot(per_metre * cells.x[column], per_metre * cells.y[line], "x", color="0.5", markersize=4)

@@ -14,6 +14,8 @@ from palpate_kit.curves.fit_folder import FitFolder, stale_words
 from palpate_maps.path_reader import Path2D
 from palpate_maps.sites import Sites
 
+_Palpation = tuple[float, float, float, float]  # x and y [m], value and standard deviation [SI]
+
 
 def read_curve_sites(
     path: Path, track: str | None = None, parameter: str | None = None, where: str | None = None
@@ -26,30 +28,40 @@ def read_curve_sites(
     folder = FitFolder(path)
     if not folder.tracks:
         raise LogError(f"{path}: no curve of it was fitted")
-    track, parameter = track or folder.tracks[0], parameter or folder.values[0]
-    for name, choices in ((track, folder.tracks), (parameter, folder.values)):
+    chosen_track = track or folder.tracks[0]
+    chosen_parameter = parameter or folder.values[0]
+    for name, choices in ((chosen_track, folder.tracks), (chosen_parameter, folder.values)):
         if name not in choices:
             raise LogError(f"{path}: no {name!r}{suggest(name, choices)}")
     if stale := stale_words(folder):
         typer.echo(stale, err=True)
     # Of the chosen curves those that the track could use, with a place and a value.
-    chosen = [row for row in curve_filter(where, folder).choose(folder.rows) if row.track == track and row.usable]
-    candidates = [_numbers(row, parameter) for row in chosen]
-    numbers = [row for row in candidates if row is not None]
-    if not numbers:
+    palpations: list[_Palpation] = []
+    for row in curve_filter(where, folder).choose(folder.rows):
+        if row.track == chosen_track and row.usable:
+            palpation = _palpation_of(row, chosen_parameter)
+            palpations += [] if palpation is None else [palpation]
+    if not palpations:
         filter_text = f" and {where!r}" if where else ""
         raise LogError(
             f"{path}: has no usable curve with a place{filter_text}: give x_m and y_m in curves.csv, or lateral_x and "
             "lateral_y in [alignment]"
         )
-    x, y, value, std = np.array(numbers).T
-    # Each curve is a point palpation of its own, in their order: nothing of its error is common to its neighbours.
-    place, time = np.column_stack([x, y]), np.arange(len(x), dtype=float)
-    sites = Sites(place=place, log=np.log(value), std=std / value, time=time, standing=np.ones(len(x), bool), kept=1.0)
-    return Path2D(track=track, parameter=parameter, time=time, place=place, value=value, std=std, nis=1.0), sites
+    return _path_and_sites(palpations, chosen_track, chosen_parameter)
 
 
-def _numbers(row: CurveRow, parameter: str) -> tuple[float, float, float, float] | None:
+def _path_and_sites(palpations: list[_Palpation], track: str, parameter: str) -> tuple[Path2D, Sites]:
+    """Return palpations as a path and as sites; each is one of its own, so no error is common to its neighbours."""
+    x, y, value, std = np.array(palpations).T
+    place = np.column_stack([x, y])
+    time = np.arange(len(x), dtype=float)  # the order of the curves: when they were measured is not known
+    path = Path2D(track=track, parameter=parameter, time=time, place=place, value=value, std=std, nis=1.0)
+    standing = np.ones(len(x), bool)
+    sites = Sites(place=place, log=np.log(value), std=std / value, time=time, standing=standing, kept=1.0)
+    return path, sites
+
+
+def _palpation_of(row: CurveRow, parameter: str) -> _Palpation | None:
     """Return place [m], value and standard deviation [SI] of a row; None where one is missing."""
     value, std, place = row.number(parameter), row.number(f"{parameter}_std"), row.place
     if value is None or std is None or place is None or value <= 0:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,42 +101,72 @@ def _points_in(corners: Floats) -> Floats:
 def _contrasts(shape: Floats, baseline: Baseline, settings: LumpSettings) -> Floats:
     """Return the least contrast (m,) of lumps with shapes (n, m) at the sites that is found; infinite beyond 100.
 
-    The limit of the first discovery is the larger of log(1 + contrast) and the prediction interval at the rate over the
-    number of sites. A wide lump raises sites that pass for background: their mean rise raises the limit, and their
-    scatter widens the interval.
+    A lump is missed with the probability of `_missed_probability`; the contrast at which that is 1 - 0.95 is found by
+    bisection of its logarithm between 0.001 and 100.
+    """
+    near_sites = _NearSites.of(shape)
+    low, high = np.full(shape.shape[1], _LOW), np.full(shape.shape[1], _HIGH)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        missed = _missed_probability(near_sites, np.exp(middle), baseline, settings)
+        is_found = missed <= 1 - EXCLUDED_PROBABILITY
+        low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
+    return np.where(high < _HIGH, np.exp(high), np.inf)
+
+
+@dataclass(frozen=True)
+class _NearSites:
+    """The pairs of a place and a site that a lump there raises: most sites are far from most places."""
+
+    places: NDArray[np.intp]  # (k,) row of the place of each pair
+    shape: Floats  # (k,) of a lump at the place, at the site
+    site_count: int
+    place_count: int
+
+    @classmethod
+    def of(cls, shape: Floats) -> _NearSites:
+        """Return the pairs of shapes (n, m) of lumps at places at sites that are not nearly 0."""
+        sites, places = np.nonzero(shape > _LEAST_SHAPE)
+        return cls(places, shape[sites, places], *shape.shape)
+
+    def total(self, terms: Floats | NDArray[np.bool_]) -> Floats:
+        """Return the sum (m,) of terms (k,) over the near sites of each place."""
+        return np.asarray(np.bincount(self.places, terms, self.place_count), float)
+
+    @cached_property
+    def far_count(self) -> Floats:
+        """Number (m,) of sites that no lump at a place raises."""
+        return self.site_count - self.total(np.ones(len(self.places)))
+
+
+def _missed_probability(near_sites: _NearSites, contrast: Floats, baseline: Baseline, settings: LumpSettings) -> Floats:
+    """Return the probability (m,) that a lump of a contrast (m,) at each place is missed.
+
+    P = product over the sites of Phi((limit - rise)/spread), rise = log(1 + contrast shape).
+
+    The limit of the first discovery is the larger of log(1 + least contrast) and the prediction interval at the rate
+    over the number of sites. A wide lump raises sites that pass for background: their mean rise raises the limit, and
+    their scatter widens the interval.
     """
     from scipy import stats
     from scipy.special import log_ndtr
 
-    # Most sites are far from a place: they count as what no lump raises, once for all of them.
-    sites, places = np.nonzero(shape > _LEAST_SHAPE)
-    near_shape, count, place_count = shape[sites, places], len(shape), shape.shape[1]
-
-    def total(terms: Floats | NDArray[np.bool_]) -> Floats:
-        """Return the sum (m,) of the terms of each place's near sites."""
-        return np.asarray(np.bincount(places, terms, place_count), float)
-
-    far_count = count - total(np.ones(len(places)))
+    places, far_count = near_sites.places, near_sites.far_count
+    # The half width of the prediction interval, in spreads of the baseline.
     k = baseline.count
-    sizes = float(stats.t.isf(settings.rate / count, k - 1)) * np.sqrt(1 + 1 / k)
-    reported = float(np.log1p(settings.contrast))
-    own_limit = max(reported, sizes * baseline.spread)
-    low, high = np.full(place_count, _LOW), np.full(place_count, _HIGH)
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        rise = np.log1p(np.exp(middle)[places] * near_shape)
-        # Sites below the limit without the lump pass for background.
-        is_passing = rise < own_limit
-        passing = np.where(is_passing, rise, 0.0)
-        passing_count = np.maximum(far_count + total(is_passing), 1)
-        shift = total(passing) / passing_count
-        variance = np.maximum(total(passing**2) / passing_count - shift**2, 0.0)
-        limit = np.maximum(reported, sizes * np.sqrt(baseline.spread**2 + variance)) + shift
-        log_missed = total(log_ndtr((limit[places] - rise) / baseline.spread))
-        missed = np.exp(log_missed + far_count * log_ndtr(limit / baseline.spread))
-        is_found = missed <= 1 - EXCLUDED_PROBABILITY
-        low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
-    return np.where(high < _HIGH, np.exp(high), np.inf)
+    half_width = float(stats.t.isf(settings.rate / near_sites.site_count, k - 1)) * np.sqrt(1 + 1 / k)
+    least_rise = float(np.log1p(settings.contrast))
+    rise = np.log1p(contrast[places] * near_sites.shape)
+    # Sites below the limit without the lump pass for background.
+    is_passing = rise < max(least_rise, half_width * baseline.spread)
+    passing_rise = np.where(is_passing, rise, 0.0)
+    passing_count = np.maximum(far_count + near_sites.total(is_passing), 1)
+    shift = near_sites.total(passing_rise) / passing_count
+    variance = np.maximum(near_sites.total(passing_rise**2) / passing_count - shift**2, 0.0)
+    limit = np.maximum(least_rise, half_width * np.sqrt(baseline.spread**2 + variance)) + shift
+    # Far sites do not rise: they count once for all of them.
+    log_missed = near_sites.total(log_ndtr((limit[places] - rise) / baseline.spread))
+    return np.asarray(np.exp(log_missed + far_count * log_ndtr(limit / baseline.spread)))
 
 
 def _quantile(values: Floats, weight: Floats) -> float:

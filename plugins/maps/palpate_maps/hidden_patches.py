@@ -126,21 +126,23 @@ def hidden_patches(
         expected[on_lumps] = 0.0
     if len(sites) < _MIN_SITES:
         return Hiding(middles, expected, patch.radius)
+    # A covariance for each combination of sizes, over sites that are thinned evenly where they are many.
     sizes, weighed_on = _sizes_for(len(sites), before)
-    used = sites[np.unique(np.linspace(0, len(sites) - 1, min(len(sites), _MAX_SITES)).round().astype(int))]
-    terms = _SharedTerms.of(used)
+    rows = np.linspace(0, len(sites) - 1, min(len(sites), _MAX_SITES)).round().astype(int)
+    used_sites = sites[np.unique(rows)]
+    terms = _SharedTerms.of(used_sites)
     covariances = [terms.covariance(*combination) for combination in sizes]
     weights = _weights(covariances)
     # L(x) = sum_t w_t L_t(x) over the combinations t that have a weight.
-    rise = patch.profile(used.place, middles)
-    counting = np.flatnonzero(weights).tolist()
-    odds = sum(weights[t] * covariances[t].odds(rise) for t in counting)
+    rise = patch.profile(used_sites.place, middles)
+    weighted = np.flatnonzero(weights).tolist()
+    odds = sum(weights[t] * covariances[t].odds(rise) for t in weighted)
     return Hiding(
         middles,
         expected * np.asarray(odds),
         patch.radius,
         scatter=float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes]))),
-        sizes=tuple(sizes[t] for t in counting),
+        sizes=tuple(sizes[t] for t in weighted),
         weighed_on=weighed_on,
     )
 

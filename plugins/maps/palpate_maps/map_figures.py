@@ -41,26 +41,34 @@ def map_picture(
     excluded = exclusion_table(findings) if findings is not None else []
     figure, axes = figure_of(3 if excluded else 2, height=60.0)
     name, factor = display_unit(unit)
-    lumps = [(1e3 * lump.place[0], 1e3 * lump.place[1], lump.p) for lump in (findings.lumps if findings else ())]
-    extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
-    fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
-    fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
-    for axis, (values, title, colours) in zip(axes[0], fields, strict=False):
-        shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
-        figure.colorbar(shown, ax=axis, shrink=0.8)
-        axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
-        if field.stiff.any() and min(field.stiff.shape) > 1:
-            axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
+    extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]  # [mm]
+    panels = [
+        (field.value * factor, f"{label} [{name}]", "viridis"),
+        (100 * field.std / field.value, "standard deviation [%]", "magma"),
+    ]
+    lumps = findings.lumps if findings is not None else ()
+    for axis, (values, title, colours) in zip(axes[0], panels, strict=False):
+        image = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
+        figure.colorbar(image, ax=axis, shrink=0.8)
+        _draw_sites(axis, field)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
         for outline in outlines:
             axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
-        for x, y, _ in lumps:
-            axis.plot(x, y, "+", **CROSS)
+        for lump in lumps:
+            axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
         axis.grid(False)
-    mark_lumps(axes[0, 0], lumps)
+    mark_lumps(axes[0, 0], [(1e3 * lump.place[0], 1e3 * lump.place[1], lump.p) for lump in lumps])
     if excluded:
         draw_exclusion(axes[0, 2], excluded)
     return figure
+
+
+def _draw_sites(axis: Any, field: StiffnessMap) -> None:
+    """Draw the sites as dots, and a red line around what is significantly stiffer than the baseline."""
+    axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
+    # A contour needs two rows and two columns at least; the level 0.5 is between False and True.
+    if field.stiff.any() and min(field.stiff.shape) > 1:
+        axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
 
 
 @style()
@@ -107,22 +115,28 @@ def _patch_density(hiding: Hiding, cells: Cells) -> tuple[Floats, list[float]]:
     are the greatest common divisor of all distances, so that each cell lies about its place and is made of whole
     pixels; pixels outside all cells are NaN.
     """
-    places = 1e3 * hiding.middles[:, :2]
+    # Sizes of pixels and of cells in x and y, in steps of the grid.
+    pixel_steps, cell_steps = np.ones(2, int), np.ones(2, int)
+    for axis, indices in enumerate(cells.T):
+        gaps = np.diff(np.unique(indices))
+        if len(gaps):
+            pixel_steps[axis] = np.gcd.reduce(gaps)
+            cell_steps[axis] = gaps.min()
+    # Patches per area of a cell.
+    places = 1e3 * hiding.middles[:, :2]  # [mm]
     steps = grid_steps(places, cells)
-    gaps = [np.diff(np.unique(indices)) for indices in cells.T]
-    pixels = np.array([np.gcd.reduce(gap) if len(gap) else 1 for gap in gaps])  # [steps]
-    widths = np.array([gap.min() if len(gap) else 1 for gap in gaps])  # [steps] of a cell
-    cell_size = np.where(np.isfinite(steps), steps * widths, _LONE_CELL)
+    cell_size = np.where(np.isfinite(steps), steps * cell_steps, _LONE_CELL)
     cell_area = cell_size[0] * cell_size[1] / _SQUARE_CENTIMETRE
     density = np.minimum(100 * hiding.expected / cell_area, _MAX_DENSITY)
     # The pixels of each cell, from its first column and row on.
-    columns, rows = ((cells - cells.min(axis=0)) // pixels).T
-    columns_in_cell, rows_in_cell = widths // pixels
+    columns, rows = ((cells - cells.min(axis=0)) // pixel_steps).T
+    columns_in_cell, rows_in_cell = cell_steps // pixel_steps
     field = np.full((rows.max() + rows_in_cell, columns.max() + columns_in_cell), np.nan)
     for row, column in np.ndindex(rows_in_cell, columns_in_cell):
         field[rows + row, columns + column] = density
-    lowest, highest = places.min(axis=0) - cell_size / 2, places.max(axis=0) + cell_size / 2
-    return field, [lowest[0], highest[0], lowest[1], highest[1]]
+    x_low, y_low = places.min(axis=0) - cell_size / 2
+    x_high, y_high = places.max(axis=0) + cell_size / 2
+    return field, [x_low, x_high, y_low, y_high]
 
 
 def _edges(axis: Floats) -> tuple[float, float]:
@@ -145,26 +159,36 @@ def sweep_picture(
     """
     excluded = exclusion_table(findings) if findings is not None else []
     figure, axes = figure_of(2 if excluded else 1, height=70.0)
+    axis = axes[0, 0]
     if excluded:
-        axes[0, 0].get_gridspec().set_width_ratios(_SWEEP_RATIOS)
+        axis.get_gridspec().set_width_ratios(_SWEEP_RATIOS)
         draw_exclusion(axes[0, 1], excluded)
-    axis, (name, factor) = axes[0, 0], display_unit(unit)
+    name, factor = display_unit(unit)
     for track, (along, sites) in series.items():
-        order = np.argsort(along)
-        coordinate, value = 1e3 * along[order], sites.value[order] * factor
-        (line,) = axis.plot(coordinate, value, label=track)
-        band = 2 * value * sites.std[order]
-        axis.fill_between(coordinate, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+        _draw_curve(axis, track, along, sites, factor)
     if points is not None:
-        coordinate, value = 1e3 * points[0], points[1].value * factor
-        axis.errorbar(coordinate, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
+        along, palpations = points
+        value = palpations.value * factor
+        bars = 2 * value * palpations.std  # two standard deviations
+        axis.errorbar(1e3 * along, value, bars, fmt="ko", markersize=4, capsize=2, label="points")
     axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]")
     axis.set_ylim(common_limits([sites.value * factor for _, sites in series.values()], 0.0))
+    # A lump has a place along the sweep where it was sought along one.
     if findings is not None and findings.coordinate is not None and findings.curve is not None:
         for number, lump in enumerate(findings.lumps, 1):
             _mark_on_curve(axis, number, lump)
     legend_outside(axis)
     return figure
+
+
+def _draw_curve(axis: Any, track: str, along: Floats, sites: Sites, factor: float) -> None:
+    """Draw sites along (n,) [m] a sweep as a line, their values times a factor, with two standard deviations."""
+    order = np.argsort(along)
+    coordinate = 1e3 * along[order]
+    value = sites.value[order] * factor
+    (line,) = axis.plot(coordinate, value, label=track)
+    band = 2 * value * sites.std[order]
+    axis.fill_between(coordinate, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
 
 
 def _mark_on_curve(axis: Any, number: int, lump: Lump) -> None:

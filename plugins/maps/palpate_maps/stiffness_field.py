@@ -81,40 +81,52 @@ def fit_kernel(
 ) -> FieldKernel:
     """Return the kernel of the largest likelihood of deviations log (n,) at places (n, k) [m] with stated variances.
 
-    log p = -y' K^-1 y/2 - log|K|/2, with its gradient (Rasmussen and Williams 2006, section 5.4.1), by L-BFGS-B.
+    By L-BFGS-B over the logarithms of variance, length and noise; the length is `least_length` [m] at least, that of
+    what the distance of the sites can show.
     """
-    from scipy.linalg import cho_factor, cho_solve
     from scipy.optimize import minimize
 
     rows = thinned(len(log), _MAX_FITTED_SITES)
-    place, log, stated = place[rows], log[rows], stated[rows]
-    distance, unit = distances(place, place), np.eye(len(log))
+    likelihood = _KernelLikelihood(distances(place[rows], place[rows]), log[rows], stated[rows])
+    start = start or FieldKernel(max(float(log[rows].std()), _START_STD) ** 2, _START_LENGTH, _START_NOISE)
+    bounds = _BOUNDS.copy()
+    bounds[1, 0] = np.clip(np.log(max(least_length, _MIN_LENGTH)), *_BOUNDS[1])
+    logarithms = np.clip(np.log([start.variance, start.length, start.noise]), *bounds.T)
+    optimum = minimize(likelihood.negative, logarithms, jac=True, method="L-BFGS-B", bounds=bounds)
+    variance, length, noise = np.exp(optimum.x).tolist()
+    return FieldKernel(variance, length, noise)
 
-    def negative_likelihood(logarithms: Floats) -> tuple[float, Floats]:
+
+@dataclass(frozen=True)
+class _KernelLikelihood:
+    """Likelihood of deviations y under a kernel: log p = -y' K^-1 y/2 - log|K|/2, but for a constant.
+
+    Rasmussen and Williams 2006, section 5.4.1.
+    """
+
+    distance: Floats  # (n, n) [m] of the places
+    log: Floats  # (n,) the deviations y
+    stated: Floats  # (n,) their variances as the estimator states them
+
+    def negative(self, logarithms: Floats) -> tuple[float, Floats]:
         """Return -log p and its gradient by the logarithms of variance, length and noise.
 
         dK/dlog(variance) is the smooth part of K, dK/dlog(length) = variance r^2 exp(-r), r = sqrt(3) d/length.
         """
+        from scipy.linalg import cho_factor, cho_solve
+
+        # K: a Matern 3/2 kernel, variance (1 + r) exp(-r), and the variances of each site alone.
         variance, length, noise = np.exp(logarithms)
-        ratio = np.sqrt(3.0) / length * distance
+        ratio = np.sqrt(3.0) / length * self.distance
         decay = variance * np.exp(-ratio)
         smooth = (1 + ratio) * decay
-        factor = cho_factor(smooth + np.diag(stated + noise + _JITTER), lower=True)
-        solved, inverse = cho_solve(factor, log), cho_solve(factor, unit)
-        value = 0.5 * log @ solved + np.log(np.diag(factor[0])).sum()
+        factor = cho_factor(smooth + np.diag(self.stated + noise + _JITTER), lower=True)
+        solved, inverse = cho_solve(factor, self.log), cho_solve(factor, np.eye(len(self.log)))
+        value = 0.5 * self.log @ solved + np.log(np.diag(factor[0])).sum()
         # Each slope is the trace of (K^-1 - K^-1 y y' K^-1) dK/dlog, halved.
         inner = inverse - np.outer(solved, solved)
         slopes = [(inner * smooth).sum(), (inner * (ratio**2 * decay)).sum(), noise * np.trace(inner)]
         return float(value), 0.5 * np.array(slopes)
-
-    begin = start or FieldKernel(max(float(log.std()), _START_STD) ** 2, _START_LENGTH, _START_NOISE)
-    # No shorter than a least length [m], of what the distance of the sites can show.
-    bounds = _BOUNDS.copy()
-    bounds[1, 0] = np.clip(np.log(max(least_length, _MIN_LENGTH)), *_BOUNDS[1])
-    logarithms = np.clip(np.log([begin.variance, begin.length, begin.noise]), *bounds.T)
-    optimum = minimize(negative_likelihood, logarithms, jac=True, method="L-BFGS-B", bounds=bounds)
-    variance, length, noise = np.exp(optimum.x).tolist()
-    return FieldKernel(variance, length, noise)
 
 
 def interpolated(

@@ -69,25 +69,39 @@ def make_surface_map(
     """
     x, y, nodes = cells_over(sites, cell)
     pitch = line_distance(sites)
-    # Vertices: covered cells below which the surface is known.
     covered = np.flatnonzero(nearest_distance(sites.place, nodes) <= COVERED * pitch)
-    points = surface.uppermost(nodes[covered])
-    is_known = np.array([row not in points.unknown for row in range(len(covered))], bool)
-    vertices = points.position[is_known]
-    faces = _triangles(covered[is_known], len(x), len(y))
-    if not len(faces):
-        raise LogError("the surface is known at none of the map's cells")
+    vertices, faces, curvature = _surface_mesh(surface, nodes, covered, columns=len(x), lines=len(y))
     # The flat map's process and test, over places in space.
     lifted = sites_on(sites, surface)
-    used = merge_sites(lifted, max(pitch / MERGED, MERGE_DISTANCE))
-    mean, std, length = interpolated(used, vertices, float(np.median(used.log)), LENGTH_OF_PITCH * pitch, fit)
+    merged = merge_sites(lifted, max(pitch / MERGED, MERGE_DISTANCE))
+    mean, std, length = interpolated(merged, vertices, float(np.median(merged.log)), LENGTH_OF_PITCH * pitch, fit)
     p, stiff = significance(lifted, mean, std, np.ones(len(mean), bool))
-    value = np.exp(mean)
-    map_ = SurfaceMap(vertices=vertices, faces=faces, value=value, std=value * std, p=p, parameter=parameter, unit=unit)
-    blind_below = blind_width(nearest_distance(lifted.place, vertices))
+    value = np.exp(mean)  # the process is of the logarithm
     return MapOnSurface(
-        map=map_, stiff=stiff, length=length, blind_below=blind_below, reach=_reach(np.abs(points.curvature[is_known]))
+        map=SurfaceMap(
+            vertices=vertices, faces=faces, value=value, std=value * std, p=p, parameter=parameter, unit=unit
+        ),
+        stiff=stiff,
+        length=length,
+        blind_below=blind_width(nearest_distance(lifted.place, vertices)),
+        reach=_reach(np.abs(curvature)),
     )
+
+
+def _surface_mesh(
+    surface: Surface, nodes: Floats, covered: NDArray[np.int64], columns: int, lines: int
+) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Return vertices (n, 3) [m], triangles (m, 3) of their rows, and the vertices' curvatures (n, 2) [1/m].
+
+    The vertices are the covered nodes (k,) of a grid (lines x columns, 2) [m], laid on the surface where it is known.
+    Raises LogError where that leaves no triangle.
+    """
+    points = surface.uppermost(nodes[covered])
+    is_known = np.array([row not in points.unknown for row in range(len(covered))], bool)
+    faces = _triangles(covered[is_known], columns, lines)
+    if not len(faces):
+        raise LogError("the surface is known at none of the map's cells")
+    return points.position[is_known], faces, points.curvature[is_known]
 
 
 def _reach(curvature: Floats) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from palpate import ConfigurationError, Floats, LogError, to_si
 from palpate_maps import map_analysis
-from palpate_maps.commands.map_command import outlines_of
+from palpate_maps.commands.map_output import outlines_of
 from palpate_maps.map_figures import map_picture, sweep_picture
 
 from palpate_notebook.figure_object import Picture

@@ -40,28 +40,36 @@ def fit_first(
 
 
 def show_cells(cells: CurveCells, run: Path, folder: Path, ending: str, as_json: bool) -> None:
-    """Write the map of curves on a grid, and print where, and which curves have no value."""
+    """Write the map of curves on a grid, and print where, and which curves have no value.
+
+    `ending` is that of the picture, such as "png".
+    """
     from palpate_maps import map_files
     from palpate_maps.curve_cells import cells_csv, cells_npz, cells_picture, length_unit
 
     unit = FitFolder(run).units.get(cells.parameter, "")
-    table, failures = cells_csv(cells), cells.failures
+    table = cells_csv(cells)
     name = map_files.free_name(folder, "map", table)
     map_files.replace_file(folder / f"{name}.csv", table)
     map_files.replace_file(folder / f"{name}.npz", cells_npz(cells))
     save_figure(cells_picture(cells, unit), folder / f"{name}.{ending}")
     if as_json:
         ends = {"low": [cells.x[0], cells.y[0]], "high": [cells.x[-1], cells.y[-1]]}
-        facts = {"parameter": cells.parameter, "unit": unit, "curves": len(cells.rows), "without": failures}
+        facts = {"parameter": cells.parameter, "unit": unit, "curves": len(cells.rows), "without": cells.failures}
         print_json({"kind": "cells", **ends, **facts, "files": sorted(folder.glob(f"{name}.*"))})
         return
-    alike: dict[str, list[str]] = {}
-    for curve, lack in failures.items():
-        alike.setdefault(lack, []).append(curve)
-    for lack, curves in alike.items():
-        remainder = f" and {len(curves) - 1} more" if len(curves) > 1 else ""
-        typer.echo(f"{curves[0]}{remainder}: {lack}", err=True)
+    _print_failures(cells.failures)
     length, per_metre = length_unit(max(cells.extent))
     size = " x ".join(f"{per_metre * side:.4g} {length}" for side in cells.extent)
-    counts = f"{len(cells.rows)} curves, {len(failures)} without {cells.parameter}"
+    counts = f"{len(cells.rows)} curves, {len(cells.failures)} without {cells.parameter}"
     typer.echo(f"map of {size}, {counts}\nwritten to {folder / name}.csv and next to it")
+
+
+def _print_failures(failures: Mapping[str, str]) -> None:
+    """Print each reason for which curves have no value once, with the first curve and the number of the others."""
+    curves_by_lack: dict[str, list[str]] = {}
+    for curve, lack in failures.items():
+        curves_by_lack.setdefault(lack, []).append(curve)
+    for lack, curves in curves_by_lack.items():
+        remainder = f" and {len(curves) - 1} more" if len(curves) > 1 else ""
+        typer.echo(f"{curves[0]}{remainder}: {lack}", err=True)

@@ -42,22 +42,32 @@ def curves_of(
     curves = {}
     for name in tracks or maps.tracks_of(run):
         with suppress(LogError):  # a track that found nothing is not drawn
-            path = maps.read_path(run, name, parameter)
-            sites = maps.sites_along(path)
-            along = maps.line_coordinate(sites)
-            if along is not None and not sites.standing.all():
-                lumps: tuple[Lump, ...] = ()
-                with suppress(LogError):  # too short for lumps
-                    lumps = maps.find_lumps(sites).lumps
-                curves[prefix + name] = TrackCurve(
-                    parameter=path.parameter,
-                    unit=unit_of(run, name, path.parameter),
-                    along=along,
-                    sites=sites,
-                    lumps=lumps,
-                    lags=path.lags,
-                )
+            curve = _curve_of(run, name, parameter)
+            if curve is not None:
+                curves[prefix + name] = curve
     return curves
+
+
+def _curve_of(run: Path, track: str, parameter: str | None) -> TrackCurve | None:
+    """Return a track's estimates along its line, None where it has none; raises LogError without estimates."""
+    from palpate_maps import map_analysis as maps
+
+    path = maps.read_path(run, track, parameter)
+    sites = maps.sites_along(path)
+    along = maps.line_coordinate(sites)
+    if along is None or sites.standing.all():
+        return None
+    lumps: tuple[Lump, ...] = ()
+    with suppress(LogError):  # too short for lumps
+        lumps = maps.find_lumps(sites).lumps
+    return TrackCurve(
+        parameter=path.parameter,
+        unit=unit_of(run, track, path.parameter),
+        along=along,
+        sites=sites,
+        lumps=lumps,
+        lags=path.lags,
+    )
 
 
 def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple[Any, Sites]:
@@ -97,17 +107,30 @@ def curves(
     labels = label or [run.name if len(runs) > 1 else "" for run in runs]
     if len(labels) != len(runs):
         raise ConfigurationError(f"--label: {len(labels)} labels for {len(runs)} runs")
-    curves_by_label: dict[str, TrackCurve] = {}
-    kept = drop_rejected(runs)
-    for name, run in zip(labels, runs, strict=True):
-        tracks = curves_of(run) if run in kept else {}
-        for track, curve in tracks.items():
-            label_parts = [part for part in (track if len(tracks) > 1 or not name else "", name) if part]
-            curves_by_label[", ".join(label_parts)] = curve
-    if not curves_by_label:
+    curves_by_name: dict[str, TrackCurve] = {}
+    accepted_runs = drop_rejected(runs)
+    for run_label, run in zip(labels, runs, strict=True):
+        if run in accepted_runs:
+            curves_by_name |= _labelled_curves(run, run_label)
+    if not curves_by_name:
         raise LogError(f"{', '.join(str(run) for run in runs)}: no sweep along a line")
-    unit = next(iter(curves_by_label.values())).unit
-    tell_curves(curves_by_label, points_of(points, out.parent) if points else None, unit, out, as_json)
+    unit = next(iter(curves_by_name.values())).unit
+    tell_curves(curves_by_name, points_of(points, out.parent) if points else None, unit, out, as_json)
+
+
+def _labelled_curves(run: Path, run_label: str) -> dict[str, TrackCurve]:
+    """Return the curves of a run's tracks, by "track, label"; a single track has the label alone, if there is one."""
+    curves_by_track = curves_of(run)
+    curves_by_name = {}
+    for track, curve in curves_by_track.items():
+        if not run_label:
+            name = track
+        elif len(curves_by_track) == 1:
+            name = run_label
+        else:
+            name = f"{track}, {run_label}"
+        curves_by_name[name] = curve
+    return curves_by_name
 
 
 def tell_curves(

@@ -51,6 +51,7 @@ def lumps(
     with progress(f"lumps of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
         sites, skin = maps.sites_along(path), maps.surface_of_run(run, surface)
+        # A sweep is searched along its line, an area on its surface.
         if skin is not None and (sites.standing.all() or maps.line_coordinate(sites) is None):
             sites = maps.sites_on(sites, skin)
         settings = maps.LumpSettings(
@@ -60,10 +61,13 @@ def lumps(
             method=method,  # type: ignore[arg-type]
         )
         findings = maps.lumps_of_run(run, path, sites, settings)
-    text = map_files.lumps_json(findings, path)
-    map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
-    table = lump_table(json.loads(text)["lumps"])
-    typer.echo(text if as_json else _view(findings, table, path.source, unit_of(run, path.track, path.parameter)))
+    document = map_files.lumps_json(findings, path)
+    map_files.replace_file(RunFolder(run).maps / "lumps.json", document)
+    if as_json:
+        typer.echo(document)
+    else:
+        table = lump_table(json.loads(document)["lumps"])
+        typer.echo(_view(findings, table, path.source, unit_of(run, path.track, path.parameter)))
     if findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
 
@@ -73,11 +77,15 @@ def _view(findings: Findings, table: Table, source: str, unit: str) -> str:
     from palpate_engine import display_unit
 
     name, factor = display_unit(unit)
-    head = f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"
-    rows = [table.headings, *table.rows] if table.rows else []
-    lines = ["".join(f"{cell:>{width}}" for cell, width in zip(row, _COLUMNS, strict=True)) for row in rows]
-    lines = [head, *(lines or ["no lumps"]), *([LUMP_NOTE] if rows else [])]
-    if (power := findings.power) is not None and findings.coordinate is not None:
+    lines = [f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"]
+    if table.rows:
+        for row in (table.headings, *table.rows):
+            lines.append("".join(f"{cell:>{width}}" for cell, width in zip(row, _COLUMNS, strict=True)))
+        lines.append(LUMP_NOTE)
+    else:
+        lines.append("no lumps")
+    power = findings.power
+    if power is not None and findings.coordinate is not None:
         lines.append(
             f"a lump {100 * power.contrast:.2g} % stiffer and {1e3 * power.width:.0f} mm wide would be seen with a "
             f"probability of {power.probability:g}"
