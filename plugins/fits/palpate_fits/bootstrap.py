@@ -41,24 +41,34 @@ def block_bootstrap(
     model_force = record.force.copy()
     model_force[used] += error
     centred = error - error.mean()
-    n = len(centred)
-    length = _block_length(n, correlation_time)
+    block_length = _block_length(len(centred), correlation_time)
+    # A fit to each force that is drawn.
     estimates = np.empty((repeats, len(residual.free)))
     for repeat in range(repeats):
-        # Blocks from random starts, around the end of the record, as many as give n residuals.
-        starts = random.integers(0, n, -(-n // length))
-        rows = (starts[:, None] + np.arange(length)).ravel()[:n] % n
         force = model_force.copy()
-        force[used] -= centred[rows]
+        force[used] -= _draw_blocks(centred, block_length, random)
         solution = descend(residual, unknowns, record.with_force(force), x, loss)
         estimates[repeat] = solution.x[list(residual.free)]
-    tail = 50.0 * (1.0 - confidence)  # [%] on each side
+    names = [unknowns.names[place] for place in residual.free]
     table = {}
-    for column, place in enumerate(residual.free):
-        low, high = np.percentile(estimates[:, column], [tail, 100.0 - tail])
-        std = float(estimates[:, column].std(ddof=1))
-        table[unknowns.names[place]] = {"std": std, "interval": [float(low), float(high)]}
-    return {"repeats": repeats, "block": length, "seed": seed, "unknowns": table}
+    for name, values in zip(names, estimates.T, strict=True):
+        table[name] = _spread(values, confidence)
+    return {"repeats": repeats, "block": block_length, "seed": seed, "unknowns": table}
+
+
+def _draw_blocks(residuals: Floats, block_length: int, random: np.random.Generator) -> Floats:
+    """Return residuals (n,) in blocks from random starts, around the end of the record, as many as give n of them."""
+    n = len(residuals)
+    starts = random.integers(0, n, -(-n // block_length))
+    rows = (starts[:, None] + np.arange(block_length)).ravel()[:n] % n
+    return residuals[rows]
+
+
+def _spread(estimates: Floats, confidence: float) -> dict[str, Any]:
+    """Return the standard deviation of estimates (repeats,), and the interval of a confidence about their median."""
+    tail = 50.0 * (1.0 - confidence)  # [%] on each side
+    low, high = np.percentile(estimates, [tail, 100.0 - tail])
+    return {"std": float(estimates.std(ddof=1)), "interval": [float(low), float(high)]}
 
 
 def _block_length(count: int, correlation_time: float) -> int:

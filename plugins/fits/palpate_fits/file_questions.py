@@ -37,53 +37,39 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
     `stated` are not asked for.
     """
     for text in suggestion.blanks:
-        key, _, problem = text.partition(": ")
-        if f"{_READER}{key}" in stated:
-            continue
-        if key == POSITION_OF:
-            return FileQuestion(
-                key="position",
-                name="",
-                text=problem,
-                advice=f"{text}; say it with --{key}",
-                needed=True,
-                choices=("tip", "stage"),
-            )
-        if key == RATE:  # not needed of a long table: E of an elastic press does not depend on it
-            rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
-            return FileQuestion(
-                key=RATE, name="", text=problem, advice=f"{text}; say it with --rate", needed=rows < MIN_ROWS
-            )
-        option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
-        advice = f"{text}; say it with {option}"
-        if (scale := _SCALE.fullmatch(key)) is not None:
-            return FileQuestion(
-                key="units", name=_column(suggestion, scale[1]), text=problem, advice=advice, needed=True
-            )
-        return FileQuestion(key=key, name="", text=problem, advice=advice, needed=True)
+        key, _, _ = text.partition(": ")
+        if f"{_READER}{key}" not in stated:
+            return _question_of_blank(suggestion, text)
     for role, columns in suggestion.rivals.items():
-        rivals_text = suggestion.rival_words(role)
-        return FileQuestion(
-            key="columns",
-            name=role,
-            text=rivals_text,
-            advice=f"{rivals_text}; say which with --{role}",
-            needed=True,
-            choices=columns,
-        )
+        text = suggestion.rival_words(role)
+        advice = f"{text}; say which with --{role}"
+        return FileQuestion(key="columns", name=role, text=text, advice=advice, needed=True, choices=columns)
     for key, text in suggestion.guesses.items():
-        if f"{_READER}{key}" not in stated and (unit := _UNIT.fullmatch(key)) is not None:
+        unit = _UNIT.fullmatch(key)
+        if unit is not None and f"{_READER}{key}" not in stated:
             guess = str(suggestion.device["columns"][unit[1]]["unit"])
-            return FileQuestion(
-                key="units",
-                name=_column(suggestion, unit[1]),
-                text=text,
-                advice=text,
-                needed=False,
-                choices=(),
-                guess=guess,
-            )
+            column = _column(suggestion, unit[1])
+            return FileQuestion(key="units", name=column, text=text, advice=text, needed=False, guess=guess)
     return None
+
+
+def _question_of_blank(suggestion: Suggestion, text: str) -> FileQuestion:
+    """Return the question on a key of the reader that a file leaves blank, by a text "key: problem"."""
+    key, _, problem = text.partition(": ")
+    if key == POSITION_OF:
+        advice = f"{text}; say it with --{key}"
+        choices = ("tip", "stage")
+        return FileQuestion(key="position", name="", text=problem, advice=advice, needed=True, choices=choices)
+    if key == RATE:  # not needed of a long table: E of an elastic press does not depend on it
+        rows = max((len(times) for times, *_ in suggestion.views.values()), default=MIN_ROWS)
+        advice = f"{text}; say it with --rate"
+        return FileQuestion(key=RATE, name="", text=problem, advice=advice, needed=rows < MIN_ROWS)
+    option = f"--{key}" if key in _OPTIONS else f"--set {_READER}{key}=NUMBER"
+    advice = f"{text}; say it with {option}"
+    if (scale := _SCALE.fullmatch(key)) is not None:
+        column = _column(suggestion, scale[1])
+        return FileQuestion(key="units", name=column, text=problem, advice=advice, needed=True)
+    return FileQuestion(key=key, name="", text=problem, advice=advice, needed=True)
 
 
 def _column(suggestion: Suggestion, role: str) -> str:

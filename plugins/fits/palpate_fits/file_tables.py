@@ -52,28 +52,35 @@ def show_rows(
 
     `parts` is the registry of parts, `advice` are more lines of help by the option of a remedy.
     """
-    table = row_table(rows, pipeline.tracks[0].model, parts)
-    shown = rows if details else rows[:MAX_ROWS]
+    model = pipeline.tracks[0].model
+    table = row_table(rows, model, parts)
+    shown_rows = rows if details else rows[:MAX_ROWS]
     terminal = console(_DETAILS_WIDTH) if details else console(WIDTH)
+    # Values: lines for a single file, else a table.
     if len(rows) == 1 and not details and layout() == "table" and not rows[0].get("error"):
         for value in value_lines(table.rows[0], {}):
             terminal.print(value)
     else:
-        terminal.print(file_table(shown, pipeline, parts, details).view())
-    if len(shown) < len(rows):
-        print_line(f"and {len(rows) - len(shown)} more: --details shows all")
-        names = list(value_units(pipeline.tracks[0].model))
-        console().print(each_table(summary_of([row for row in rows if row.get("track")], names), pipeline).view())
-    # Each error once, with the number of files that have it.
-    alike: dict[str, list[str]] = {}
-    for row in rows:
-        if row.get("error"):
-            alike.setdefault(row["error"], []).append(row["curve"])
-    for error, names in alike.items():
-        more_files = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        typer.echo(f"{names[0]}{more_files}: {error}", err=True)
+        terminal.print(file_table(shown_rows, pipeline, parts, details).view())
+    # Of more rows than are shown, a summary of all.
+    if len(shown_rows) < len(rows):
+        print_line(f"and {len(rows) - len(shown_rows)} more: --details shows all")
+        rows_with_track = [row for row in rows if row.get("track")]
+        console().print(each_table(summary_of(rows_with_track, list(value_units(model))), pipeline).view())
+    _print_errors(rows)
     for line in (*finding_lines(table, command, advice), *fact_lines(table, command)):
         terminal.print(coloured(line), soft_wrap=True)
+
+
+def _print_errors(rows: Sequence[Row]) -> None:
+    """Print each error once, with the first file that has it and the number of the others."""
+    names_by_error: dict[str, list[str]] = {}
+    for row in rows:
+        if row.get("error"):
+            names_by_error.setdefault(row["error"], []).append(row["curve"])
+    for error, names in names_by_error.items():
+        more_files = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        typer.echo(f"{names[0]}{more_files}: {error}", err=True)
 
 
 def law_line(source: Path, track: Track, parts: Registry, better_laws: Sequence[str]) -> str:
@@ -96,17 +103,17 @@ def file_table(rows: Sequence[Row], pipeline: Pipeline, parts: Registry, details
     values = value_table(row_table(rows, pipeline.tracks[0].model, parts), whole_names=details)
     if not details:
         return values
-    heads = [*(head for head, _ in _DETAILS.values()), _MEASURED, "flags"]
-    cells = [
-        (
-            *of_values,
-            *(format(float(row[name]), form) if row.get(name) else "-" for name, (_, form) in _DETAILS.items()),
-            _lines(measured_text([row_motion(row)])),
-            row.get("flags", "").replace(" ", "\n"),
-        )
-        for row, of_values in zip(rows, values.rows, strict=True)
-    ]
-    return Table.of("", [*values.headings, *heads], cells, [*values.left, _MEASURED, "flags"])
+    heads = [head for head, _ in _DETAILS.values()]
+    cells = [(*value_cells, *_detail_cells(row)) for row, value_cells in zip(rows, values.rows, strict=True)]
+    return Table.of("", [*values.headings, *heads, _MEASURED, "flags"], cells, [*values.left, _MEASURED, "flags"])
+
+
+def _detail_cells(row: Row) -> list[str]:
+    """Return a row's numbers of `_DETAILS`, its motion in words, and its flags, each in a line."""
+    cells = []
+    for name, (_, number_format) in _DETAILS.items():
+        cells.append(format(float(row[name]), number_format) if row.get(name) else "-")
+    return [*cells, _lines(measured_text([row_motion(row)])), row.get("flags", "").replace(" ", "\n")]
 
 
 def _lines(motion: str) -> str:

@@ -85,17 +85,14 @@ def first_guess(
     is_linear = set(range(len(own_items))) <= set(linear)
     if model.adhesive and all(item.free for item in own_items) and not is_linear:
         return adhesive_guess(model, unknowns, record)
-    declared_starts = _declared_starts(model)
-    grids = [
-        unknown_grid(item, place, linear, thinned, declared_starts.get(item.name, 1.0))
-        for place, item in enumerate(unknowns.items)
-    ]
-    starts = _grid_points(grids, unknowns.index("surface"))
+    # Points of the grid, and the lowest cost that each can have; 0 where that is not known.
+    starts = _grid_starts(model, unknowns, thinned, linear)
     squares, lowest, is_definite = np.zeros(0), np.zeros(len(starts)), np.zeros(len(starts), bool)
     if linear and not model.memory:
         starts[:, list(linear)] = 0.0
         squares = residual(tuple(linear)).normal(thinned, starts)
         lowest, is_definite = _lowest_costs(squares)
+    # The points in the order of their lowest cost, until none can be better than the best so far.
     best: Guess | None = None
     best_point = 0
     for point in np.argsort(lowest, kind="stable").tolist():
@@ -111,6 +108,16 @@ def first_guess(
     if best is None:
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
     return best.x
+
+
+def _grid_starts(model: ContactModel, unknowns: Unknowns, record: FitRecord, linear: Sequence[int]) -> Floats:
+    """Return all combinations (m, P) of the values that are tried of each unknown, the surface varying fastest."""
+    declared_starts = _declared_starts(model)
+    grids = []
+    for place, item in enumerate(unknowns.items):
+        start = declared_starts.get(item.name, 1.0)  # 1 [SI], where the model declares none
+        grids.append(unknown_grid(item, place, linear, record, start))
+    return _grid_points(grids, unknowns.index("surface"))
 
 
 def few_samples(record: FitRecord) -> FitRecord:
@@ -185,23 +192,29 @@ def unknown_grid(
     of a layer usual thicknesses; of a delay 0. Of other parameters shares of the way between two finite bounds, else
     the values of its unit that its bounds admit. Where none is left, `start` alone, within the bounds.
     """
-    if item.value is not None and not (item.free and place in linear):
+    is_solved_for = item.free and place in linear
+    if item.value is not None and not is_solved_for:
         return (item.value,)
-    if not item.free or place in linear:
+    if not item.free or is_solved_for:
         return (0.0,)
     if item.name == "surface":
         low, reach = float(record.height.min()), float(np.ptp(record.height))
         heights = np.concatenate([low + reach * _INSIDE, low + reach * (1 + _ABOVE)])
-        inside = heights[(heights >= item.lower) & (heights <= item.upper)]
-        return tuple(inside) or (item.inside(float(record.height.max())),)
+        allowed_heights = heights[(heights >= item.lower) & (heights <= item.upper)]
+        return tuple(allowed_heights) or (item.inside(float(record.height.max())),)
     if item.unit == "m":
-        return tuple(h for h in _THICKNESSES if item.lower <= h <= item.upper) or (item.inside(start),)
+        return _allowed(_THICKNESSES, item, start)
     if item.name == "delay":
         return (item.inside(0.0),)
     if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:
         return tuple((item.lower + (item.upper - item.lower) * np.array(_BOUNDED_SHARES)).tolist())
-    allowed = tuple(value for value in _GRIDS.get(item.unit, (start,)) if item.lower <= value <= item.upper)
-    return allowed or (item.inside(start),)
+    return _allowed(_GRIDS.get(item.unit, (start,)), item, start)
+
+
+def _allowed(values: Sequence[float], item: FitUnknown, start: float) -> tuple[float, ...]:
+    """Return the values within the bounds of an unknown; without any `start`, moved to the nearer bound."""
+    allowed_values = tuple(value for value in values if item.lower <= value <= item.upper)
+    return allowed_values or (item.inside(start),)
 
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:

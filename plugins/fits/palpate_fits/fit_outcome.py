@@ -33,7 +33,6 @@ class FitOutcome:
     by_force: SurfaceByForce
     sources: tuple[UncertaintySource, ...]
     unknowns: Unknowns
-    linear: tuple[int, ...]
     record: FitRecord
     residual: Residual
     solution: Solution

@@ -96,8 +96,23 @@ def _budget(
     free, names = list(fit.residual.free), fit.unknowns.names
     values = {names[place]: float(fit.solution.x[place]) for place in free}
     random = np.sqrt(residual_scatter.covariance.diagonal()).tolist()
-    effects = {name: Effect.of(value, std) for (name, value), std in zip(values.items(), random, strict=True)}
-    # Sources of the model's keys and of the readings, then of fixed unknowns, then those that nobody names.
+    effects = {}
+    for (name, value), std in zip(values.items(), random, strict=True):
+        effects[name] = Effect.of(value, std)
+    terms = _systematic_terms(fit, sensitivity, residual_scatter)
+    rows = [BudgetRow("scatter of the residuals", None, "", effects), *(term.row(values) for term in terms)]
+    delay = fit.unknowns.index("delay")
+    if delay not in free:
+        per_second = sensitivity.of_parameter(delay, PROBE) / PROBE
+        rows.append(_timing_row(fit, values, per_second))
+    systematic = np.sqrt(sum((term.shifts**2 for term in terms), np.zeros(len(free))))
+    return rows, systematic
+
+
+def _systematic_terms(fit: FitOutcome, sensitivity: FitSensitivity, residual_scatter: ResidualScatter) -> list[Term]:
+    """Return the terms of the model's keys and of the readings, of fixed unknowns, of those that nobody names, and of
+    the force's last digit."""
+    names = fit.unknowns.names
     model_sources = [source for source in fit.sources if source.path or source.name not in names]
     unknown_sources = [source for source in fit.sources if source not in model_sources]
     terms = list(source_terms(sensitivity, model_sources))
@@ -107,13 +122,7 @@ def _budget(
     for label, name, std, unit in implied_sources(fit):
         terms.append(Term(label, std, unit, sensitivity.of_parameter(fit.unknowns.index(name), std)))
     terms.extend(_digit_terms(fit, residual_scatter))
-    rows = [BudgetRow("scatter of the residuals", None, "", effects), *(term.row(values) for term in terms)]
-    delay = fit.unknowns.index("delay")
-    if delay not in free:
-        per_second = sensitivity.of_parameter(delay, PROBE) / PROBE
-        rows.append(_timing_row(fit, values, per_second))
-    systematic = np.sqrt(sum((term.shifts**2 for term in terms), np.zeros(len(free))))
-    return rows, systematic
+    return terms
 
 
 def _timing_row(fit: FitOutcome, values: dict[str, float], per_second: Floats) -> BudgetRow:

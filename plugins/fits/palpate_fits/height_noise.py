@@ -53,25 +53,29 @@ def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknown
     if not free:
         return solution
     thinned = record if has_memory else record.thinned(_SAMPLES)
-    low, high = unknowns.bounds(free)
     surface = unknowns.index("surface")
-    inner = _inside_bounds(residual, thinned, unknowns, solution)
-    std = _residual_std(record, solution)
-    x, first_gradient = solution.x.copy(), np.zeros(len(free))
+    parameters = [place for place in free if place != surface]
+    residual_std = _residual_std(record, solution)
+    normal = residual.normal(thinned, solution.x)  # [r, J]^T [r, J]
+    minimum_gradient = normal[1:, 0]  # J^T r: 0 at the minimum of the whole record, and not of a thinned one
+    low, high = unknowns.bounds(free)
+    inner = _is_inside_bounds(solution.x[free], (low, high), normal, _residual_std(thinned, solution))
+    x = solution.x.copy()
     for step in range(_MAX_STEPS if has_memory else 1):
-        normal = residual.normal(thinned, x)
-        gradient = normal[1:, 0]
-        if step == 0:
-            first_gradient = gradient  # 0 at the minimum of the whole record, and not of a thinned one
+        if step > 0:
+            normal = residual.normal(thinned, x)
+        # A step of (J^T J)^-1 of the unknowns that are not at a bound.
         attenuation = _attenuation_gradient(residual, thinned, x, surface) * record.height_noise**2
         inverse = scaled_inverse(normal[1:, 1:][np.ix_(inner, inner)])
         change = np.zeros(len(free))
-        change[inner] = inverse @ (attenuation - gradient + first_gradient)[inner]
+        change[inner] = inverse @ (attenuation - normal[1:, 0] + minimum_gradient)[inner]
         previous = x[free]
         x[free] = np.where(inner, np.clip(previous + change, low, high), previous)
-        if not np.isfinite(x).all() or _is_far(x, solution.x, [i for i in free if i != surface], has_memory):
+        if not np.isfinite(x).all() or _is_far(x, solution.x, parameters, has_memory):
             return solution
-        if np.all(np.abs(x[free] - previous)[inner] < _LAST_STEP * std * np.sqrt(inverse.diagonal())):
+        # Converged where the step is a small share of each standard deviation.
+        last_step = _LAST_STEP * residual_std * np.sqrt(inverse.diagonal())
+        if np.all(np.abs(x[free] - previous)[inner] < last_step):
             break
     else:
         if has_memory:
@@ -97,12 +101,15 @@ def _attenuation_gradient(residual: Residual, record: FitRecord, x: Floats, surf
     return gradient / (_SIGN_PATTERNS if residual.model.memory else 1)
 
 
-def _inside_bounds(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> NDArray[np.bool_]:
-    """Return True (p,) for the free unknowns that are not at a bound."""
-    free = list(residual.free)
-    values, (low, high) = solution.x[free], unknowns.bounds(free)
-    inverse = scaled_inverse(residual.normal(record, solution.x)[1:, 1:])
-    std = _residual_std(record, solution) * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
+def _is_inside_bounds(
+    values: Floats, bounds: tuple[Floats, Floats], normal: Floats, residual_std: float
+) -> NDArray[np.bool_]:
+    """Return True (p,) for the values (p,) of free unknowns that are not at a bound, lower or upper (p,).
+
+    Their standard deviations follow from [r, J]^T [r, J] (1 + p, 1 + p) and the standard deviation of the residual [N].
+    """
+    low, high = bounds
+    std = residual_std * np.sqrt(np.maximum(scaled_inverse(normal[1:, 1:]).diagonal(), 0.0))
     margin = _BOUND_DISTANCE * std
     return np.asarray((values - low > margin) & (high - values > margin))
 

@@ -101,17 +101,18 @@ def solve_or_try_others(
     viscosities = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
     if solution.converged or not viscosities:
         return solution
+    # A rough fit of a coarser record from each combination of viscosities.
     coarse = _coarse(record)
-    rough_fits: list[Solution] = []
+    best_rough_fit = solution
+    lowest_cost = np.inf
     for factors in product(_VISCOSITY_FACTORS, repeat=len(viscosities)):
         start = x.copy()
         start[viscosities] *= factors
-        rough_fits.append(
-            solve_trf(residual, unknowns, record=coarse, x=start, loss=loss, max_evaluations=_ROUGH_EVALUATIONS)
-        )
-    finite_fits = (fit for fit in rough_fits if np.isfinite(fit.cost))
-    best = min(finite_fits, key=lambda fit: fit.cost, default=solution)
-    other = solve_trf(residual, unknowns, record, best.x, loss)
+        rough_fit = solve_trf(residual, unknowns, record=coarse, x=start, loss=loss, max_evaluations=_ROUGH_EVALUATIONS)
+        if rough_fit.cost < lowest_cost:
+            best_rough_fit, lowest_cost = rough_fit, rough_fit.cost
+    # The best of them is followed to its minimum on the whole record.
+    other = solve_trf(residual, unknowns, record, best_rough_fit.x, loss)
     return other if other.cost < solution.cost or not np.isfinite(solution.cost) else solution
 
 
@@ -139,27 +140,32 @@ def rivals(
     As well is a cost C (half of the sum of squares of n samples, p unknowns) that is higher by at most
     (3^2 s^2 + sum l_i^2)/2, s^2 = 2 C/(n - p) and l the standard uncertainty of the force by the model's law [N].
     """
-    # The rise of the cost within which another minimum describes the record as well.
     freedom = max(len(record) - len(residual.free), 1)
     law_error = _LAW_STD_SHARE * residual.model.law_error * record.weight * record.force
     max_rise = 0.5 * (_PLAUSIBLE_SIGMAS**2 * 2.0 * best.cost / freedom + float(law_error @ law_error))
     # The farthest of such minima, by parameter.
-    parameters = residual.model.parameters
-    free_parameters = [place for place in residual.free if place < len(parameters)]
     distances: dict[str, float] = {}
     for start in minima:
         minimum = solve_lm(residual, unknowns, record, start.x, loss)
         if minimum.cost - best.cost > max_rise:
             continue
-        for place in free_parameters:
-            name, distance = parameters[place].name, abs(float(minimum.x[place] - best.x[place]))
-            if distance > _DISTINCT_SHARE * abs(best.x[place]):
-                distances[name] = max(distance, distances.get(name, 0.0))
+        for name, distance in _distinct_values(residual, minimum, best):
+            distances[name] = max(distance, distances.get(name, 0.0))
     if distances:
-        units = {parameter.name: parameter.unit for parameter in parameters}
+        units = {parameter.name: parameter.unit for parameter in residual.model.parameters}
         moved = ", ".join(f"{name} by {size:.3g} {units[name]}" for name, size in distances.items())
         text = f"another minimum describes the record as well, and moves {moved}"
         yield Flag("undetermined", text, effects=distances)
+
+
+def _distinct_values(residual: Residual, minimum: Solution, best: Solution) -> Iterator[tuple[str, float]]:
+    """Yield name and distance [SI] of each free parameter of the model that is off the best by more than a quarter."""
+    parameters = residual.model.parameters
+    for place in residual.free:
+        if place < len(parameters):  # the others are not of the model
+            distance = abs(float(minimum.x[place] - best.x[place]))
+            if distance > _DISTINCT_SHARE * abs(best.x[place]):
+                yield parameters[place].name, distance
 
 
 def _duration(record: FitRecord) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -56,6 +57,20 @@ _MIN_INTERVAL = 1e-12  # [s] between samples, in place of 0
 _SQUARES = LossFunction()
 
 
+@dataclass(frozen=True)
+class _FitSegment:
+    """The samples of a record that are fitted, with their motion and the unknowns that they determine."""
+
+    samples: Samples  # of the whole record
+    rows: Rows  # (n,) True for those that are fitted
+    course: RecordCourse
+    motion: TipTravel
+    by_force: SurfaceByForce
+    unknowns: Unknowns
+    record: FitRecord
+    begins_in_contact: Callable[[], bool]
+
+
 class FitTracker:
     """Fits the whole record that `run` is given; every run starts from nothing."""
 
@@ -94,17 +109,57 @@ class FitTracker:
         what least squares leaves wrong there: the inertia of a late force, a viscosity below 0, and the attenuation by
         the noise of the height.
         """
-        settings, notes = self._settings, list[Flag]()
+        model, notes = self._problem.model, list[Flag]()
+        segment = self._segment(samples, notes)
+        unknowns, record = segment.unknowns, segment.record
+        # Start and minimum.
+        loss = LossFunction(self._settings.loss, self._settings.loss_scale)
+        residual = self._residual(unknowns.free)
+        x, minima = self._start(unknowns, record, loss)
+        solver, record, solution = self._minimum(unknowns, record, residual, x, loss)
+        # Corrections.
+        if not model.memory:
+            unknowns, solution = with_possible_viscosity(residual, unknowns, record, loss, solution)
+        if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
+            raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        notes += rivals(residual, unknowns, record, best=solution, minima=minima, loss=loss)
+        solution = in_order(model, unknowns, solution)
+        if loss.kind == "linear":
+            solution = correct_attenuation(residual, record, unknowns, solution)
+        return FitOutcome(
+            settings=self._settings,
+            problem=self._problem,
+            samples=segment.samples,
+            rows=segment.rows,
+            course=segment.course,
+            motion=segment.motion,
+            by_force=segment.by_force,
+            sources=self._sources,
+            unknowns=unknowns,
+            record=record,
+            residual=residual,
+            solution=solution,
+            solver=solver,
+            loss=loss,
+            notes=tuple(notes),
+            begins_in_contact=segment.begins_in_contact,
+        )
+
+    def _segment(self, samples: Samples, notes: list[Flag]) -> _FitSegment:
+        """Return the samples of a record that are fitted, and the unknowns that they determine.
+
+        Appends to the notes; raises NotFitted for too few samples, or without a surface where a method is to find it.
+        """
         begins_in_contact = cache(partial(self._begins_in_contact, samples))
         is_without_air = self._problem.force_zero != "air" and begins_in_contact()
         if is_without_air:
             samples = touching_from_start(samples)
-        # Samples and unknowns.
         course = passage(samples)
-        motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
+        motion = zero_phase_motion(samples, self._settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = without_saturation(samples, rows, notes)
-        by_force = SurfaceByForce(samples, course, settings.threshold)
+        by_force = SurfaceByForce(samples, course, self._settings.threshold)
+        # Unknowns that the record determines, within bounds that it can show.
         unknowns = self._unknowns_of_record(samples, rows, by_force, notes)
         if is_without_air:  # a viscosity below 0 would be a higher surface, see `one_speed_intervals`
             unknowns = at_physical_bounds(unknowns, self._problem.model)
@@ -112,37 +167,14 @@ class FitTracker:
         record = self._record(samples, rows, motion, course)
         if self._problem.model.memory:
             unknowns = with_times_that_show(unknowns, record)
-        # Start, minimum and corrections.
-        linear = self._linear_places(unknowns)
-        loss = LossFunction(settings.loss, settings.loss_scale)
-        residual = self._residual(unknowns.free)
-        x, minima = self._start(unknowns, record, loss)
-        solver, record, solution = self._minimum(unknowns, record, residual, x, loss)
-        if not self._problem.model.memory:
-            unknowns, solution = with_possible_viscosity(residual, unknowns, record, loss, solution)
-        if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
-            raise NotFitted("diverged", "the fit ended in numbers that are not finite")
-        notes += rivals(residual, unknowns, record, best=solution, minima=minima, loss=loss)
-        solution = in_order(self._problem.model, unknowns, solution)
-        if loss.kind == "linear":
-            solution = correct_attenuation(residual, record, unknowns, solution)
-        return FitOutcome(
-            settings=settings,
-            problem=self._problem,
+        return _FitSegment(
             samples=samples,
             rows=rows,
             course=course,
             motion=motion,
             by_force=by_force,
-            sources=self._sources,
             unknowns=unknowns,
-            linear=linear,
             record=record,
-            residual=residual,
-            solution=solution,
-            solver=solver,
-            loss=loss,
-            notes=tuple(notes),
             begins_in_contact=begins_in_contact,
         )
 

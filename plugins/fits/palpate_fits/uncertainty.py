@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 
 import numpy as np
@@ -91,49 +91,82 @@ def _sum_pieces(residual: Residual, record: FitRecord, x: Floats, loss: LossFunc
     squares of third differences.
     """
     p = len(residual.free)
-    size = -(-len(record) // _MAX_ROWS)
-    normal, errors, slopes = np.zeros((p, p)), [], []
-    rss = neighbour_products = third_squares = 0.0
-    third_count = samples = 0
-    remainder = np.zeros((0, 1 + p))
-    everything = bool(record.used.all())
-    for rows, values in residual.blocks(record, x, _BLOCK_SAMPLES * _BLOCKS_AT_ONCE if everything else _BLOCK_SAMPLES):
-        if not everything:
-            values = values[record.used[rows]]
-        samples += len(values)
+    sums, piece_sums = _ErrorSums(), _PieceSums(size=-(-len(record) // _MAX_ROWS), remainder=np.zeros((0, 1 + p)))
+    normal = np.zeros((p, p))
+    is_whole = bool(record.used.all())
+    block_samples = _BLOCK_SAMPLES * _BLOCKS_AT_ONCE if is_whole else _BLOCK_SAMPLES
+    for rows, block in residual.blocks(record, x, block_samples):
+        # Columns of the samples in use: the residual r, then the slopes J.
+        values = block if is_whole else block[record.used[rows]]
         error, jacobian = values[:, 0], values[:, 1:]
-        influence, curvature = loss.influence(error)
+        influence, curvature = loss.influence(error)  # psi, psi'
         normal += jacobian.T @ (jacobian if loss.kind == "linear" else jacobian * curvature[:, None])
-        rss += float(error @ error)
-        for stretch in _stretches(error):
-            neighbour_products += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
-            differences = third_differences(stretch)
-            third_squares += float(np.sum(differences * differences))
-            third_count += differences.size
-        influence_and_slopes = np.column_stack([influence, jacobian])
-        if size == 1:
-            errors.append(influence_and_slopes[:, 0])
-            slopes.append(influence_and_slopes[:, 1:])
-            continue
-        # Whole pieces; the samples of an unfinished one wait for the next block.
-        waiting = np.concatenate([remainder, influence_and_slopes])
-        whole = len(waiting) // size * size
-        pieces = waiting[:whole].reshape(-1, size, 1 + p)
-        errors.append(pieces[:, :, 0].sum(axis=1))
-        slopes.append(pieces[:, :, 1:].mean(axis=1))
-        remainder = waiting[whole:]
-    first = neighbour_products / rss if rss > 0 else 0.0
-    noise = float(np.sqrt(third_squares / (_THIRD_DIFFERENCE_GAIN * max(third_count, 1))))
+        sums.add(error)
+        piece_sums.add(np.column_stack([influence, jacobian]))
     return _Pieces(
-        errors=np.concatenate(errors),
-        slopes=np.concatenate(slopes),
+        errors=np.concatenate(piece_sums.errors),
+        slopes=np.concatenate(piece_sums.slopes),
         normal=normal,
-        size=size,
-        samples=samples,
-        rss=rss,
-        first_correlation=first,
-        noise=noise,
+        size=piece_sums.size,
+        samples=sums.samples,
+        rss=sums.rss,
+        first_correlation=sums.first_correlation,
+        noise=sums.noise,
     )
+
+
+@dataclass
+class _ErrorSums:
+    """Sums over the residuals of a record, block by block."""
+
+    samples: int = 0
+    rss: float = 0.0  # [N^2]
+    neighbour_products: float = 0.0  # [N^2]
+    third_squares: float = 0.0  # [N^2] of third differences
+    third_count: int = 0
+
+    def add(self, error: Floats) -> None:
+        """Add the residuals (n,) [N] of a block."""
+        self.samples += len(error)
+        self.rss += float(error @ error)
+        for stretch in _stretches(error):
+            self.neighbour_products += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
+            differences = third_differences(stretch)
+            self.third_squares += float(np.sum(differences * differences))
+            self.third_count += differences.size
+
+    @property
+    def first_correlation(self) -> float:
+        """Autocorrelation of neighbours."""
+        return self.neighbour_products / self.rss if self.rss > 0 else 0.0
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation [N] of white noise with these third differences."""
+        return float(np.sqrt(self.third_squares / (_THIRD_DIFFERENCE_GAIN * max(self.third_count, 1))))
+
+
+@dataclass
+class _PieceSums:
+    """Sums of psi and means of the slopes over pieces of some samples each."""
+
+    size: int  # [samples] of a piece
+    remainder: Floats  # (k, 1 + p) samples of an unfinished piece, which wait for the next block
+    errors: list[Floats] = field(default_factory=list)
+    slopes: list[Floats] = field(default_factory=list)
+
+    def add(self, influence_and_slopes: Floats) -> None:
+        """Add psi and the slopes (n, 1 + p) of the samples of a block."""
+        if self.size == 1:
+            self.errors.append(influence_and_slopes[:, 0])
+            self.slopes.append(influence_and_slopes[:, 1:])
+            return
+        waiting = np.concatenate([self.remainder, influence_and_slopes])
+        whole = len(waiting) // self.size * self.size
+        pieces = waiting[:whole].reshape(-1, self.size, waiting.shape[1])
+        self.errors.append(pieces[:, :, 0].sum(axis=1))
+        self.slopes.append(pieces[:, :, 1:].mean(axis=1))
+        self.remainder = waiting[whole:]
 
 
 def _stretches(values: Floats) -> Iterator[Floats]:

@@ -69,34 +69,55 @@ def unknowns_of(
     guesses: Mapping[str, Any],
     bounds: Mapping[str, tuple[Any, Any]],
 ) -> Unknowns:
-    """Return the unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
-    # Units and physical limits of all that can be an unknown.
+    """Return the unknowns of a model under the settings; raises ConfigurationError where they contradict each other.
+
+    `extras` are the names of those of EXTRAS that are free, `fixed`, `guesses` and `bounds` have values by name, as
+    numbers [SI] or texts with a unit.
+    """
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
-    limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
-    limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
-    limits["delay"] = (-_MAX_DELAY, _MAX_DELAY)
     for key, table in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
         for name in table:
             if name not in units:
                 _refuse(f"{key}: no unknown {name!r}; there are: {', '.join(units)}")
     # Each with its bounds, and the value that is fixed or from which the fit starts.
+    physical_limits = _physical_limits(model)
     items = []
     for name, unit in units.items():
-        low, high = _limits(name, unit, limits[name], bounds)
-        value = None
-        if name in fixed:
-            value = _number("fixed", name, fixed[name], unit)
-        elif name in guesses:
-            value = _number("start_at", name, guesses[name], unit)
-            if not low <= value <= high:
-                _refuse(f"start_at: {name} = {value:g} {unit} is outside its bounds {low:g} to {high:g}")
+        limits = _limits(name, unit, physical_limits[name], bounds)
+        value = _stated_value(name, unit, limits, fixed, guesses)
         if name in fixed and name in extras:
             _refuse(f"{name} is fixed and among the unknowns: take it out of one of them")
         is_unknown = name not in EXTRAS or name == "surface" or name in extras
-        items.append(
-            FitUnknown(name=name, unit=unit, lower=low, upper=high, free=is_unknown and name not in fixed, value=value)
-        )
+        is_free = is_unknown and name not in fixed
+        items.append(FitUnknown(name=name, unit=unit, lower=limits[0], upper=limits[1], free=is_free, value=value))
     return Unknowns(tuple(items))
+
+
+def _physical_limits(model: ContactModel) -> dict[str, tuple[float, float]]:
+    """Return the bounds [SI] of all that can be an unknown, without those of the settings."""
+    limits = {p.name: (p.lowest_estimate, p.upper) for p in model.parameters}
+    limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf))
+    limits["tip_mass"] = (0.0, np.inf)
+    limits["delay"] = (-_MAX_DELAY, _MAX_DELAY)
+    return limits
+
+
+def _stated_value(
+    name: str, unit: str, limits: tuple[float, float], fixed: Mapping[str, Any], guesses: Mapping[str, Any]
+) -> float | None:
+    """Return the value [SI] at which an unknown is fixed or from which it starts; None where the settings have none.
+
+    Raises ConfigurationError for a start outside the limits.
+    """
+    if name in fixed:
+        return _number("fixed", name, fixed[name], unit)
+    if name not in guesses:
+        return None
+    low, high = limits
+    value = _number("start_at", name, guesses[name], unit)
+    if not low <= value <= high:
+        _refuse(f"start_at: {name} = {value:g} {unit} is outside its bounds {low:g} to {high:g}")
+    return value
 
 
 def at_physical_bounds(unknowns: Unknowns, model: ContactModel) -> Unknowns:

@@ -12,6 +12,7 @@ import typer
 from palpate import OutputError, PalpateError
 from palpate_engine import (
     PIPELINE,
+    Pipeline,
     bounded_text,
     finite_tree,
     json_document,
@@ -49,7 +50,7 @@ def fit_logs(
     """Fit logs, and print the fits, their evaluation on other logs, and their cycles; exit 1 where a log failed."""
     demand_scheduler(asked.scheduler, asked.stage)
     failures: dict[str, PalpateError] = {}
-    folder, logs = _fitted(asked, failures)
+    folder, logs = _fit_sources(asked, failures)
     document = _document(logs, evaluated(logs), cycles(logs))
     _write(folder, document)
     if asked.as_json:
@@ -61,25 +62,17 @@ def fit_logs(
         raise typer.Exit(1)
 
 
-def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
+def _fit_sources(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
     """Return the folder, and the fitted logs in the order of the sources; `failures` gets the errors of the others.
 
     ``fit.json`` is written after each log. Raises UserError where no log was fitted.
     """
-    sources, reader = asked.sources, asked.pipeline
-    if asked.scheduler is not None:  # workers stand elsewhere
-        sources, reader = tuple(source.resolve() for source in sources), reader.resolve() if reader else None
-    with progress(f"look at {len(sources)} sources"):
-        loaded = named_pipelines(sources, reader, list(asked.overrides), failures)
-    if asked.details:
-        for name, pipeline in loaded:
-            assumptions = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
-            typer.echo(f"{name}: assumed exact: {assumptions}", err=True)
-    names = [name for name, _ in loaded]
+    pipelines_by_name = _load_pipelines(asked, failures)
+    names = [name for name, _ in pipelines_by_name]
     continues = asked.out is not None and (asked.out / _FIT).is_file()
     folder = _folder(asked.out, names)
     logs: list[LogFit] = []
-    for name, outcome in fits_of(loaded, folder, asked.scheduler, asked.stage, asked.pictures):
+    for name, outcome in fits_of(pipelines_by_name, folder, asked.scheduler, asked.stage, asked.pictures):
         if isinstance(outcome, PalpateError):
             leave_out(name, outcome, failures)
             continue
@@ -91,6 +84,22 @@ def _fitted(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path,
             withdraw_folder(folder)
         raise next(iter(failures.values()))
     return folder, logs
+
+
+def _load_pipelines(asked: FitRequest, failures: dict[str, PalpateError]) -> list[tuple[str, Pipeline]]:
+    """Return name and pipeline of each source that can be read; with --details print what is assumed exact."""
+    sources, reader = asked.sources, asked.pipeline
+    # Workers stand elsewhere: for them all paths are absolute.
+    if asked.scheduler is not None:
+        sources = tuple(source.resolve() for source in sources)
+        reader = reader.resolve() if reader else None
+    with progress(f"look at {len(sources)} sources"):
+        pipelines_by_name = named_pipelines(sources, reader, list(asked.overrides), failures)
+    if asked.details:
+        for name, pipeline in pipelines_by_name:
+            assumptions = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+            typer.echo(f"{name}: assumed exact: {assumptions}", err=True)
+    return pipelines_by_name
 
 
 def _folder(out: Path | None, names: Sequence[str]) -> Path:
