@@ -134,16 +134,12 @@ def inertial_tracker(
     """
     process = InertialProcess(problem.model, moved_mass(problem), settings.order)
     start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
-    if fading is None:
-        fade, cap = _NO_FADING, np.full(process.states, MISSING_ABOVE)
-    else:
-        fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down)
-        cap = (fading.covariance_cap * start.std) ** 2
+    fading_settings = _fading_settings(fading, start)
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
         """Return the settings of the step, with the noises that were measured in place of the stated ones."""
         noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
-        return np.array([*noise, *fade, *cap, *start.mean, *start.std])
+        return np.array([*noise, *fading_settings, *start.mean, *start.std])
 
     def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
         """Return the state of a stretch, and whether it resumes the last one; see `Recursion.begin`."""
@@ -153,15 +149,26 @@ def inertial_tracker(
             return None
         return _stretch_state(process, fitted or start, carry, first)
 
-    step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
-    window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(
-        step=step, parameters=len(problem.model.parameters), settings=numbers, begin=begin, inputs=_step_inputs
+        step=inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed),
+        parameters=len(problem.model.parameters),
+        settings=numbers,
+        begin=begin,
+        inputs=_step_inputs,
     )
+    # The window of a fit, the noise at standstill, and what the report has of a filter with fading.
+    window = settings.start_duration if settings.start_from == "fit" else 0.0
+    filter_start = FilterStart(window, settings.noise == "measure", problem.standstill)
     details = {"relief_sensitivity": _RELIEF_SENSITIVITY} if fading is not None and settings.order else {}
-    return RecursiveTracker(
-        recursion, FilterStart(window, settings.noise == "measure", problem.standstill), details=details
-    )
+    return RecursiveTracker(recursion, filter_start, details=details)
+
+
+def _fading_settings(fading: AdaptiveFading | None, start: Start) -> list[float]:
+    """Return theta, largest alpha, its steps up and down, then the largest variance of each state; none without it."""
+    if fading is None:
+        return [*_NO_FADING, *np.full(len(start.std), MISSING_ABOVE)]
+    largest_variance = (fading.covariance_cap * start.std) ** 2
+    return [fading.theta, fading.alpha_max, fading.step_up, fading.step_down, *largest_variance]
 
 
 def _step_inputs(samples: Samples, interval: Floats) -> Floats:

@@ -164,40 +164,50 @@ class _Measurement:
 def _measurements(
     model: ContactModel, mass: float, sample: Any, theta: Any, assumed: Any, real: Any
 ) -> tuple[_Measurement, _Measurement, _Measurement]:
-    """Return position, velocity and force, with the slopes of the force F(s - z, -z') - m z'' along the motion."""
+    """Return position, velocity and force; the noises `assumed` and `real` are those of force, position, velocity."""
+    force_noise, position_noise, velocity_noise = ((assumed[i], real[i]) for i in range(3))
+    constants = len(model.parameters) + 1  # with the surface
+    return (
+        _motion_measurement(0, constants, *position_noise),
+        _motion_measurement(1, constants, *velocity_noise),
+        _force_measurement(model, mass, sample, theta, *force_noise),
+    )
+
+
+def _motion_measurement(entry: int, constants: int, assumed_std: Any, real_std: Any) -> _Measurement:
+    """Return the measurement of an entry of the motion, height or velocity, which has no other slopes."""
     import casadi as ca
 
-    k, n = len(model.parameters), _MOTION_STATES
-    depth, rate, acceleration = sample[0], sample[1], sample[2]
-    m, t, s = ca.SX.sym("m", n), ca.SX.sym("t", k), ca.SX.sym("s")
+    return _Measurement(
+        row=ca.SX.eye(_MOTION_STATES)[entry, :],
+        by_constants=ca.SX.zeros(1, constants),
+        mixed=ca.SX.zeros(constants, _MOTION_STATES),
+        curvature=ca.SX.zeros(_MOTION_STATES, _MOTION_STATES),
+        assumed_std=assumed_std,
+        real_std=real_std,
+    )
+
+
+def _force_measurement(
+    model: ContactModel, mass: float, sample: Any, theta: Any, assumed_std: Any, real_std: Any
+) -> _Measurement:
+    """Return the measurement of the force F(s - z, -z') - m z'', with its slopes along the motion of a sample."""
+    import casadi as ca
+
+    # The slopes by the motion m = (z, z', z''), the parameters t and the surface s, as symbols.
+    m, t, s = ca.SX.sym("m", _MOTION_STATES), ca.SX.sym("t", len(model.parameters)), ca.SX.sym("s")
     force = model.force(s - m[0], -m[1], ca.vertsplit(t), []) - mass * m[2]
     by_constants = ca.jacobian(force, ca.vertcat(t, s))
     slopes = [ca.jacobian(force, m), by_constants, ca.jacobian(by_constants.T, m), ca.hessian(force, m)[0]]
     # The height is counted from the tip, so that the surface stands at the depth.
+    depth, rate, acceleration = sample[0], sample[1], sample[2]
     point = [ca.vertcat(0.0, -rate, -acceleration), theta, depth]
     row, by_constants, mixed, curvature = ca.substitute(slopes, [m, t, s], point)
-    # Height and velocity are entries of the motion, and have no other slopes.
-    unit = ca.SX.eye(n)
-    no_constants = ca.SX.zeros(1, k + 1)
-    no_mixed = ca.SX.zeros(k + 1, n)
-    no_curvature = ca.SX.zeros(n, n)
-    position, velocity = (
-        _Measurement(
-            row=unit[place, :],
-            by_constants=no_constants,
-            mixed=no_mixed,
-            curvature=no_curvature,
-            assumed_std=assumed[place + 1],
-            real_std=real[place + 1],
-        )
-        for place in (0, 1)
-    )
-    reading = _Measurement(
+    return _Measurement(
         row=row,
         by_constants=by_constants,
         mixed=mixed,
         curvature=curvature,
-        assumed_std=assumed[0],
-        real_std=real[0],
+        assumed_std=assumed_std,
+        real_std=real_std,
     )
-    return position, velocity, reading

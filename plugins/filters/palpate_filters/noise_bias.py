@@ -165,6 +165,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     """
     import casadi as ca
 
+    # Symbols of the state, of a sample and of the settings; the filter's own state is depth, rate and memory.
     k, r = len(process.model.parameters), len(process.model.memory)
     nx, m = 2 + r, (2 + r) * (1 + k)
     P, C, psi = ca.SX.sym("P", nx, nx), ca.SX.sym("C", m, m), ca.SX.sym("psi", nx, k)
@@ -172,8 +173,9 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)
     theta, assumed, real = numbers[:k], numbers[k : k + 2], numbers[k + 2 :]
 
+    # Update with the measured rate, then predict by the measured force.
     before = ErrorStatistics(P, C, psi, mean)
-    updated = _update(before, assumed[1], real[1])
+    updated = _update(before, assumed_std=assumed[1], real_std=real[1])
     after, next_memory = _predict(
         process, before=updated, sample=sample, theta=theta, memory=memory, force_std=(assumed[0], real[0])
     )
@@ -211,10 +213,11 @@ def _predict(
 ) -> tuple[ErrorStatistics, Any]:
     """Return the statistics and the model's memory at the next sample, along the motion.
 
-    The force is that which makes the acceleration of the sample; its noise [N] is assumed and real.
+    `force_std` is the noise [N] of the force, assumed and real.
     """
     import casadi as ca
 
+    # The process and its slopes at the sample's motion, with the force that makes its acceleration.
     nx, k = before.psi.shape
     depth, rate, acceleration, jump, interval = ca.vertsplit(sample)
     state = ca.vertcat(depth, rate, memory, theta)
@@ -230,6 +233,7 @@ def _predict(
     C = congruence(joint, before.C)
     assumed_std, real_std = force_std
     C[:nx, :nx] += B @ B.T * real_std**2
+    # P' = f_x P f_x^T + B B^T sigma^2, psi' = f_x psi + f_theta, and E[e] with the curvature.
     P = congruence(slopes.by_state, before.P) + B @ B.T * assumed_std**2
     psi = slopes.by_state @ before.psi + slopes.by_theta
     mean = slopes.by_state @ before.mean + slopes.curvature - defect
@@ -269,12 +273,13 @@ def _diagnosis(track: TrackEvidence, bias: Floats) -> Diagnosed:
     """Return the biases of a track's parameters, and a flag with those that are worth a sentence."""
     trust = _TRUST_WITH_FADING if track.estimator.follows_changes else _TRUST
     min_bias = _MIN_KINEMATIC_BIAS if isinstance(track.estimator, KinematicSettings) else _MIN_BIAS
-    biases, effects, corrected, uncorrected = {}, dict[str, float](), [], []
+    biases, effects, corrected, uncorrected = {}, dict[str, float](), list[str](), list[str]()
     for parameter, value, shift, combined in zip(
         track.model.parameters, track.values.tolist(), bias.tolist(), track.combined.tolist(), strict=True
     ):
         if abs(shift) < min_bias * combined:
             continue
+        # A small bias is corrected, with an uncertainty that is a share of it.
         is_small = abs(shift) <= trust.max_share * abs(value)
         biases[parameter.name] = Bias(shift, trust.relative_std * abs(shift) if is_small else None)
         effects[parameter.name] = abs(shift)
@@ -283,13 +288,18 @@ def _diagnosis(track: TrackEvidence, bias: Floats) -> Diagnosed:
             uncorrected.append(share)
         elif abs(shift) > max(_MIN_REPORTED_SHARE * abs(value), _MIN_REPORTED_UNCERTAINTY * combined):
             # No uncertainty here: that of all diagnoses together is not yet known.
-            corrected.append(
-                f"{share}; corrected: {number_with_unit(value - shift, parameter.unit, _SHOWN_DIGITS)} (see its budget)"
-            )
+            corrected_value = number_with_unit(value - shift, parameter.unit, _SHOWN_DIGITS)
+            corrected.append(f"{share}; corrected: {corrected_value} (see its budget)")
+    text = _bias_text(corrected, uncorrected)
+    flags = (Flag("noise-bias", text, effects=effects),) if text else ()
+    return Diagnosed(flags, biases=biases)
+
+
+def _bias_text(corrected: list[str], uncorrected: list[str]) -> str:
+    """Return the sentence on the biases that are corrected, and on those that are too far; empty without any."""
     texts = []
     if corrected:
         texts.append(f"the filter's own noise and time step shift {', '.join(corrected)}")
     if uncorrected:
         texts.append(f"the filter's own noise shifts {', '.join(uncorrected)}: too far to be corrected")
-    flags = (Flag("noise-bias", "; ".join(texts), effects=effects),) if texts else ()
-    return Diagnosed(flags, biases=biases)
+    return "; ".join(texts)

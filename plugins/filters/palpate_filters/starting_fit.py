@@ -78,6 +78,12 @@ class _FitWindow:
             columns.append(contact_force(self.model, depth, self.rate, list(theta), memory))
         return np.column_stack(columns)
 
+    def design(self, surface: float, theta: Floats) -> Floats:
+        """Return the slopes (m, 1 + f) of the force by the surface [m] and by the fitted parameters theta (f,)."""
+        rise = self.columns(surface + _HEIGHT_STEP) - self.columns(surface - _HEIGHT_STEP)
+        slope = rise @ theta / (2 * _HEIGHT_STEP)
+        return np.column_stack([slope, self.columns(surface)])
+
 
 def fit_start(
     model: ContactModel,
@@ -106,15 +112,15 @@ def fit_start(
     misfit, theta, bias = solve(record.columns(surface))
     variance = misfit / (len(force) - len(fitted) - 1)
 
-    # Slopes of the force by the surface and the parameters.
-    rise = record.columns(surface + _HEIGHT_STEP) - record.columns(surface - _HEIGHT_STEP)
-    slope = rise @ theta / (2 * _HEIGHT_STEP)
-    design = np.column_stack([slope, record.columns(surface)])
+    # The window must determine each fitted parameter, and find it positive.
+    design = record.design(surface, theta)
     scale = np.linalg.norm(design, axis=0)
-    is_regular = np.isfinite(design).all() and (scale > 0).all()
-    if lenient and prior is None and theta[0] > 0 and is_regular:
+    if not (np.isfinite(design).all() and (scale > 0).all()):
+        return None
+    if lenient and prior is None and theta[0] > 0:
+        # The standard deviation of one parameter alone: that of the force over the length of its column.
         theta = np.where(theta > 0, theta, np.sqrt(variance) / scale[1:])
-    if not (is_regular and (theta > 0).all()):
+    if not (theta > 0).all():
         return None
     values = guess.copy()
     values[fitted] = theta

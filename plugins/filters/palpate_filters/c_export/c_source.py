@@ -37,36 +37,40 @@ def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple
 
     Raises Untranslatable for an instruction that has no counterpart in C99.
     """
-    names = operations()
-    values: dict[int, str] = {}
     lines: list[str] = []
-    written: dict[tuple[int, int], str] = {}
-    used: set[int] = set()
+    values: dict[int, str] = {}  # C name, or number, of each register that the instructions write
+    output_values: dict[tuple[int, int], str] = {}  # by output and entry
+    used_inputs: set[int] = set()
 
-    def keep(target: int, expression: str) -> None:
-        values[target] = f"v{len(lines)}"
+    def assign(register: int, expression: str) -> None:
+        """Add a statement that gives a register's value a name of its own."""
+        values[register] = f"v{len(lines)}"
         lines.append(f"    const double v{len(lines)} = {expression};")
 
     # One statement for each instruction; constants and outputs stand in those of others.
+    names = operations()
     for k in range(function.n_instructions()):
         operation = names[function.instruction_id(k)]
         arguments, targets = function.instruction_input(k), function.instruction_output(k)
         if operation == "OP_CONST":
             values[targets[0]] = c_number(function.instruction_constant(k))
         elif operation == "OP_INPUT":
-            used.add(arguments[0])
-            keep(targets[0], f"{inputs[arguments[0]]}[{arguments[1]}]")
+            used_inputs.add(arguments[0])
+            assign(targets[0], f"{inputs[arguments[0]]}[{arguments[1]}]")
         elif operation == "OP_OUTPUT":
-            written[targets[0], targets[1]] = values[arguments[0]]
+            output_values[targets[0], targets[1]] = values[arguments[0]]
         else:
-            keep(targets[0], _expression(operation, [values[i] for i in arguments]))
-    # Outputs last, so that an array may be input and output.
+            assign(targets[0], _expression(operation, [values[i] for i in arguments]))
+    # Outputs last, so that an array may be input and output; an entry that no instruction writes is 0.
     for index, array in enumerate(outputs):
         for entry in range(function.numel_out(index)):
-            lines.append(f"    {array}[{entry}] = {written.get((index, entry), '0.0')};")
-    lines += [f"    (void){array};" for i, array in enumerate(inputs) if i not in used]
-    arrays = [*(f"const double *{array}" for array in inputs), *(f"double *{array}" for array in outputs)]
-    return "\n".join([f"static void {name}({', '.join(arrays)})", "{", *lines, "}", ""])
+            lines.append(f"    {array}[{entry}] = {output_values.get((index, entry), '0.0')};")
+    # A compiler warns of an argument without a use.
+    lines += [f"    (void){array};" for i, array in enumerate(inputs) if i not in used_inputs]
+    arguments_text = ", ".join(
+        [*(f"const double *{array}" for array in inputs), *(f"double *{array}" for array in outputs)]
+    )
+    return "\n".join([f"static void {name}({arguments_text})", "{", *lines, "}", ""])
 
 
 def _expression(operation: str, x: list[str]) -> str:
