@@ -66,6 +66,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     """
     from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
+    # The samples that the search sees, and its unknowns over their scales.
     thinned = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     alternative = make(thinned)
     rows = np.flatnonzero(thinned.used)

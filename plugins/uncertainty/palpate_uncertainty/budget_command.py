@@ -41,32 +41,41 @@ def budget(
     layout: FormatOption = "table",  # set for all tables by the option's callback
 ) -> None:
     """Every source of uncertainty of a run, and what it contributes to each value."""
-    tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]
-    if track is not None and track not in tracks:
-        raise ConfigurationError(f"{run}: has no track {track!r}{suggest(track, tracks)}")
-    chosen = {name: table for name, table in tracks.items() if track in (None, name)}
-    without_budget = [name for name, table in chosen.items() if "budget" not in table]
+    tracks = _tracks_with_budget(run, track)
+    # With --monte-carlo the draws stand next to the budget.
+    draws_by_track = {} if monte_carlo is None else _draws(run, list(tracks), monte_carlo, seed)
+    if as_json:
+        document: dict[str, Any] = {name: table["budget"] for name, table in tracks.items()}
+        for name, draws in draws_by_track.items():
+            facts = {"draws": monte_carlo, "seed": seed, "lost": draws.lost, "parameters": draws.table()}
+            document[name] = {"budget": document[name], "monte_carlo": facts}
+        typer.echo(json.dumps(document, indent=2))
+        return
+    screen = console(_DETAILS_WIDTH) if details else console()
+    for name, table in tracks.items():
+        screen.print(_view(name, table) if details else _shares(name, table).view())
+        for line in _notes(run, name, table):
+            screen.print(line)
+    for draws in draws_by_track.values():
+        _print_draws(screen, draws, seed)
+
+
+def _tracks_with_budget(run: Path, track: str | None) -> dict[str, Any]:
+    """Return the results of a track, by default of all, by name.
+
+    Raises ConfigurationError for a track that the run does not have, or without a budget.
+    """
+    results: Mapping[str, Any] = RunFolder(run).result["tracks"]
+    if track is not None and track not in results:
+        raise ConfigurationError(f"{run}: has no track {track!r}{suggest(track, results)}")
+    tracks = {name: table for name, table in results.items() if track in (None, name)}
+    without_budget = [name for name, table in tracks.items() if "budget" not in table]
     if without_budget:
         verb = "has" if len(without_budget) == 1 else "have"
         raise ConfigurationError(
             f"{run}: {', '.join(without_budget)} {verb} no budget: the run is of an earlier version; replay it"
         )
-    # With --monte-carlo the draws stand next to the budget.
-    draws = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
-    if as_json:
-        tables: dict[str, Any] = {name: table["budget"] for name, table in chosen.items()}
-        for name, drawn in draws.items():
-            facts = {"draws": monte_carlo, "seed": seed, "lost": drawn.lost, "parameters": drawn.table()}
-            tables[name] = {"budget": tables[name], "monte_carlo": facts}
-        typer.echo(json.dumps(tables, indent=2))
-        return
-    screen = console(_DETAILS_WIDTH) if details else console()
-    for name, table in chosen.items():
-        screen.print(_view(name, table) if details else _shares(name, table).view())
-        for line in _notes(run, name, table):
-            screen.print(line)
-    for drawn in draws.values():
-        _print_draws(screen, drawn, seed)
+    return tracks
 
 
 def _notes(run: Path, name: str, track: Mapping[str, Any]) -> list[str]:
@@ -108,17 +117,13 @@ def _print_draws(screen: Any, draws: PropagatedDraws, seed: int) -> None:
 def _shares(name: str, track: Mapping[str, Any]) -> Table:
     """Return the sources of one track, the largest first: standard uncertainty, and its per cent of each value."""
     parameters = track["parameters"]
-    heads = [f"{parameter}\n%" for parameter in parameters]
-    rows = sorted(track["budget"], key=lambda row: -_largest(row["effects"].values()))
-    cells = [
-        [
-            row["source"],
-            *_number_and_unit(row["std"], row["unit"]),
-            *(_percent((row["effects"].get(parameter) or {}).get("percent")) for parameter in parameters),
-        ]
-        for row in rows
-    ]
+    cells = []
+    for row in sorted(track["budget"], key=lambda row: -_largest(row["effects"].values())):
+        effects = [row["effects"].get(parameter) or {} for parameter in parameters]
+        shares = [_percent(effect.get("percent")) for effect in effects]
+        cells.append([row["source"], *_number_and_unit(row["std"], row["unit"]), *shares])
     cells.append(["combined", "", "", *(_percent(_share(value)) for value in parameters.values())])
+    heads = [f"{parameter}\n%" for parameter in parameters]
     texts = [f"{parameter} {_estimate_text(value)}" for parameter, value in parameters.items()]
     return Table.of(f"{name}: {', '.join(texts)}", ["source", "u", "unit", *heads], cells, ["source", "unit"])
 

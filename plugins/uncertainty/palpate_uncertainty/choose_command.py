@@ -57,6 +57,7 @@ def choose(
     if as_json:
         print_json({"standings": standings, "candidates": [_row(fit) for fit in fits], "sentence": evidence})
         return
+    # The table, the sentence on all, and the doubts about single fits.
     console().print(_table(standings).view(), highlight=False)
     console().print(evidence, highlight=False)
     for fit in fits:

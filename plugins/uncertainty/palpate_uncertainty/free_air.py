@@ -73,9 +73,9 @@ def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     """
     used = track.kept.used & np.isfinite(track.kept.position)
     motion = oscillation(track.kept.time[used], track.kept.position[used])
-    force = standstill(track)
-    finite = np.isfinite(force)
-    force, time = force[finite], track.air_time[: len(finite)][finite]
+    standstill_force = standstill(track)
+    is_finite = np.isfinite(standstill_force)
+    force, time = standstill_force[is_finite], track.air_time[: len(is_finite)][is_finite]
     if motion is None or len(force) < _MIN_SAMPLES or motion[0] * (time[-1] - time[0]) < _MIN_CYCLES:
         return
     # Amplitude at standstill.
@@ -87,7 +87,8 @@ def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
         return
     # Its effect in contact, at any phase.
     angle = 2.0 * np.pi * frequency * sensitivity.time
-    in_phase, out_of_phase = (sensitivity.answer(amplitude * wave) for wave in (np.sin(angle), np.cos(angle)))
+    in_phase = sensitivity.answer(amplitude * np.sin(angle))
+    out_of_phase = sensitivity.answer(amplitude * np.cos(angle))
     shifts = None if in_phase is None or out_of_phase is None else np.hypot(in_phase, out_of_phase)
     effects = effects_by_name(track.model, shifts)
     size = f"{amplitude:.2g} +- {error:.1g} N"

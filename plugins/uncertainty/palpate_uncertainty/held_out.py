@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, Estimator, Floats, Problem, Samples, contact_force, force_over_time
+from palpate import ContactModel, Estimates, Estimator, Floats, Problem, Samples, contact_force, force_over_time
 
 # Choices, of `palpate fit choose` alone: no verdict depends on them.
 _BLOCKS = 4  # in time, each of which is predicted from the others
@@ -26,7 +26,8 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
     used = np.flatnonzero(samples.active & np.isfinite(samples.force) & np.isfinite(samples.position))
     if len(used) < _BLOCKS * _MIN_SAMPLES:
         return np.zeros(0)
-    edges = [samples.time[used[min(i * len(used) // _BLOCKS, len(used) - 1)]] for i in range(_BLOCKS + 1)]
+    edge_rows = [min(i * len(used) // _BLOCKS, len(used) - 1) for i in range(_BLOCKS + 1)]
+    edges = samples.time[used[edge_rows]]
     # A fit of values alone, once for each block that is hidden from it.
     changes: dict[str, Any] = {"segment": "active", "profile": False, "bootstrap": 0}
     plain_fit = estimator.model_copy(update=changes)
@@ -35,15 +36,21 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
         is_hidden = (samples.time >= begin) & (samples.time < end)
         visible = replace(samples, active=samples.active & ~is_hidden)
         fit = plain_fit.start(replace(problem, model=model)).run(visible)
-        estimated = np.flatnonzero(np.isfinite(fit.values).all(axis=1))
-        if not len(estimated) or fit.report is None:
-            errors.append(float("nan"))
-            continue
-        theta, surface = fit.values[estimated[0]], float(fit.surface[estimated[0]])
-        forecast = _forecast(model, problem.tip_mass or 0.0, samples, theta, surface) + fit.report.bias
-        rows = used[is_hidden[used]]
-        errors.append(float(np.sqrt(np.nanmean((samples.force[rows] - forecast[rows]) ** 2))))
+        hidden_rows = used[is_hidden[used]]
+        errors.append(_forecast_error(model, problem.tip_mass or 0.0, samples, fit, hidden_rows))
     return np.array(errors)
+
+
+def _forecast_error(
+    model: ContactModel, mass: float, samples: Samples, fit: Estimates, rows: NDArray[np.intp]
+) -> float:
+    """Return the RMS [N] of force less a fit's forecast in some rows of the samples; NaN where the fit failed."""
+    estimated = np.flatnonzero(np.isfinite(fit.values).all(axis=1))
+    if not len(estimated) or fit.report is None:
+        return float("nan")
+    theta, surface = fit.values[estimated[0]], float(fit.surface[estimated[0]])
+    forecast = _forecast(model, mass, samples, theta, surface) + fit.report.bias
+    return float(np.sqrt(np.nanmean((samples.force[rows] - forecast[rows]) ** 2)))
 
 
 def _forecast(model: ContactModel, mass: float, samples: Samples, theta: Floats, surface: float) -> Floats:

@@ -96,7 +96,8 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def _judge_point(track: TrackEvidence, course: Course) -> Diagnosed:
     """Return what least squares and the Cramer-Rao bound add to the uncertainty of one value for each parameter."""
     comparison = _RefitComparison.of(track, course)
-    names, distance, bound, is_free = comparison.names, comparison.distance, comparison.bound, comparison.is_free
+    names, is_free = comparison.names, comparison.is_free
+    distance, bound = comparison.distance, comparison.bound
 
     # The distance of least squares, from one combined uncertainty on.
     is_elsewhere = is_free & (distance > _FLAGGED_DISTANCE * track.combined)
@@ -109,6 +110,7 @@ def _judge_point(track: TrackEvidence, course: Course) -> Diagnosed:
     missing_variance = np.maximum(bound**2 - track.std**2, 0.0)
     lack = np.sqrt(np.where(is_free & (track.std < _COUNTED_BOUND_SHARE * bound), missing_variance, 0.0))
 
+    # Flags from one uncertainty on; smaller distances and lacks add to the uncertainty without a word.
     flags = []
     if is_elsewhere.any():
         flags.append(_elsewhere_flag(track, comparison, is_elsewhere))
@@ -192,29 +194,38 @@ def _judge_sweep(track: TrackEvidence, course: Course) -> Diagnosed:
     distance, bound = _stretches(track, course)
     if not len(distance):
         return Diagnosed()
-    names = [parameter.name for parameter in track.model.parameters]
-    low, high = track.values + distance.min(axis=0), track.values + distance.max(axis=0)
-    table = {"stretches": {name: [float(low[i]), float(high[i])] for i, name in enumerate(names)}}
+    parameters = track.model.parameters
+    lowest, highest = track.values + distance.min(axis=0), track.values + distance.max(axis=0)
+    ranges = {}
+    for i, parameter in enumerate(parameters):
+        ranges[parameter.name] = [float(lowest[i]), float(highest[i])]
+    table = {"stretches": ranges}
 
     # Elastic values that differ on a stretch by more than both uncertainties, and by a tenth.
     is_wrong = np.isfinite(track.combined) & (track.std > 0)
     is_wrong = is_wrong & (np.abs(distance) > _FLAGGED_DISTANCE * np.hypot(bound, track.combined))
     is_wrong &= np.abs(distance) > _MAX_UNEVENNESS * np.abs(track.values)
-    is_elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
+    is_elastic = np.array([parameter.role == "elastic" for parameter in parameters])
     is_uneven = is_wrong.any(axis=0) & is_elastic
     if not is_uneven.any():
         return Diagnosed(table=table)
-    ranges: list[str] = []
-    for i in np.flatnonzero(is_uneven):
-        unit, scale = display_unit(track.model.parameters[i].unit)
-        one_value = f"{scale * track.values[i]:.4g}"
-        ranges.append(
-            f"{names[i]} of {scale * low[i]:.4g} to {scale * high[i]:.4g} {unit} where its one value is {one_value}"
-        )
+    # Their effects are the root mean squares over the stretches.
     terms = np.where(is_uneven, np.sqrt(np.mean(distance**2, axis=0)), 0.0)
-    effects = dict(zip(names, terms.tolist(), strict=True))
-    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(ranges)}", effects=effects)
-    return Diagnosed((flag,), dict(effects), table=table)
+    effects = dict(zip(ranges, terms.tolist(), strict=True))
+    text = f"least squares on stretches of the path finds {_range_text(track, is_uneven, ranges)}"
+    return Diagnosed((Flag("elsewhere", text, effects=effects),), dict(effects), table=table)
+
+
+def _range_text(track: TrackEvidence, is_uneven: NDArray[np.bool_], ranges: Mapping[str, list[float]]) -> str:
+    """Return the ranges [SI] over the stretches of the parameters (k,) that are uneven, next to their one value."""
+    texts: list[str] = []
+    for i in np.flatnonzero(is_uneven):
+        parameter = track.model.parameters[i]
+        unit, scale = display_unit(parameter.unit)
+        lowest, highest = ranges[parameter.name]
+        range_text = f"{parameter.name} of {scale * lowest:.4g} to {scale * highest:.4g} {unit}"
+        texts.append(f"{range_text} where its one value is {scale * track.values[i]:.4g}")
+    return ", ".join(texts)
 
 
 def _stretches(track: TrackEvidence, course: Course) -> tuple[Floats, Floats]:

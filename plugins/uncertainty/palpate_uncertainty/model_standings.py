@@ -47,10 +47,11 @@ class ModelStanding:
 def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
     """Return the models over all records, the best first; a model without a fit of every record stands last."""
     names = list(dict.fromkeys(candidate.model for candidate in candidates))
-    by_record: dict[str, dict[str, Candidate]] = {}
+    # The candidates of each record, in the order of the models.
+    fits_by_record: dict[str, dict[str, Candidate]] = {}
     for candidate in candidates:
-        by_record.setdefault(candidate.record, {})[candidate.model] = candidate
-    groups = [[fits[name] for name in names if name in fits] for fits in by_record.values()]
+        fits_by_record.setdefault(candidate.record, {})[candidate.model] = candidate
+    groups = [[fits[name] for name in names if name in fits] for fits in fits_by_record.values()]
 
     behind = _total_behind(names, groups)
     weights = _weights(behind)
@@ -58,13 +59,12 @@ def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
     standings = []
     for name in names:
         fits = [candidate for group in groups for candidate in group if candidate.model == name]
-        blocks = np.concatenate([candidate.blocks for candidate in fits])
         standings.append(
             ModelStanding(
                 model=name,
                 behind=behind[name],
                 weight=weights[name],
-                held_out=float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan"),
+                held_out=_held_out_rms(fits),
                 best_blocks=winners.count(name),
                 blocks=len(winners),
                 misfits=sum(candidate.misfit or candidate.verdict == "invalid" for candidate in fits),
@@ -73,6 +73,12 @@ def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
             )
         )
     return sorted(standings, key=lambda standing: standing.behind if np.isfinite(standing.behind) else np.inf)
+
+
+def _held_out_rms(fits: Sequence[Candidate]) -> float:
+    """Return the root mean square [N] over all held-out blocks of a model's fits; NaN without any."""
+    blocks = np.concatenate([fit.blocks for fit in fits])
+    return float(np.sqrt(np.mean(blocks**2))) if len(blocks) else float("nan")
 
 
 def _total_behind(names: Sequence[str], groups: Sequence[Sequence[Candidate]]) -> dict[str, float]:
@@ -127,16 +133,19 @@ def _mean_elasticity(fits: Sequence[Candidate]) -> tuple[float, float] | None:
 
 def sentence(standings: Sequence[ModelStanding], records: int) -> str:
     """Return the data's evidence, in a sentence for a paper."""
-    over = f"over {records} records" if records > 1 else "of the record"
+    record_text = f"over {records} records" if records > 1 else "of the record"
     describes_some = [item.misfits < item.records and np.isfinite(item.behind) for item in standings]
     if not any(describes_some):
-        return f"None of the models describes the data {over}: the residual of each is not the channel's noise."
+        return f"None of the models describes the data {record_text}: the residual of each is not the channel's noise."
+    # The models that the evidence does not exclude, and those that it does.
     best = standings[0]
     supported = [item.model for item in standings if item.behind < _MAX_BIC_DIFFERENCE]
     refuted = [f"{item.model} by {item.behind:.3g}" for item in standings if item.behind >= _MAX_BIC_DIFFERENCE]
-    text = f"The data {over} support {' and '.join(supported)}"
+    text = f"The data {record_text} support {' and '.join(supported)}"
     text += " alike" if len(supported) > 1 else f" (weight {100 * best.weight:.0f} %)"
-    text += f"; less {', '.join(refuted)} of BIC" if refuted else ""
+    if refuted:
+        text += f"; less {', '.join(refuted)} of BIC"
+    # Forecasts and lack of fit of the best.
     if best.blocks:
         text += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"
     if best.misfits:

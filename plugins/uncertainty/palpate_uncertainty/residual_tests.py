@@ -166,6 +166,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     count = len(bins) + effective_count(alternatives.singles)
     p = min(1.0, count * min((test.p for test in all_tests), default=1.0))
 
+    # What is left without an explanation, in contact alone.
     explanations = {cause: scores[cause] for cause in alternatives.significant if scores[cause].times < FARTHEST}
     inside = slice(rows.count)
     misfit = Misfit(
@@ -177,7 +178,9 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
         is_fitted=rows.free.tolist(),
         explanations=explanations,
     )
-    null_rms, rms = (float(np.sqrt(np.mean(values[inside] ** 2))) for values in (tested.null.std, tested.residual))
+    # The residual over that of the force's noise alone, and the forecast of one half by the other.
+    null_rms = float(np.sqrt(np.mean(tested.null.std[inside] ** 2)))
+    rms = float(np.sqrt(np.mean(tested.residual[inside] ** 2)))
     prediction = predict_other_half(
         rows.jacobian[inside][:, rows.free], residual, rows.force[inside], null_rms**2, oscillates(course)
     )

@@ -23,10 +23,12 @@ def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
-    """Return the budget of one track."""
-    model, values, settings, report = track.model, track.values, end.settings, end.report
+    """Return the budget of one track, from its samples, settings and declared uncertainties at its end."""
+    model, values = track.model, track.values
+    settings, report = end.settings, end.report
     if end.is_sweep and report.turned is not None:  # on a sweep the motion along the skin is intended
         report = replace(report, turned=replace(report.turned, slope=0.0))
+    # Every source as a term: what its standard uncertainty does to each value.
     sensitivity = along(model, end.tail, end.last, values, end.held)
     shifts = delay_shifts(model, sensitivity, values)
     sources = sources_of(model, end.uncertainties)
