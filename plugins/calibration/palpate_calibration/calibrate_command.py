@@ -91,6 +91,7 @@ def calibrate(
     target = out if out is not None else file.with_name(RIG)
     plan = load_plan(file, overrides or [])
     _refuse_target(target, force)
+    # Each step is kept in a part file, until the whole is written with the command that made it.
     part = target.with_suffix(".part.toml")
     calibration, session, records = run_calibration(plan, _guide(part, yes))
     options = [word for assignment in overrides or () for word in ("--set", assignment)]
@@ -98,17 +99,22 @@ def calibrate(
     write_rig(target, calibration.model_copy(update={"command": command}).tables())
     part.unlink(missing_ok=True)
     with print_aside(as_json):
-        terminal = console(_WIDTH)
-        if not as_json:
-            terminal.print(_table(calibration))
-        for line in _lines(calibration, target, file):
-            terminal.print(line, highlight=False, markup=False, soft_wrap=True)
+        _print_calibration(calibration, target, file, with_table=not as_json)
     if as_json:
         print_json({"file": target, **calibration.model_dump(mode="json")})
     if picture is not None and session.shakes:
         from palpate_calibration.shake_figure import draw
 
         draw(records[0], session, plan.settings.settle, picture)
+
+
+def _print_calibration(calibration: Calibration, target: Path, file: Path, with_table: bool) -> None:
+    """Print the table of values, where it is requested, then the notes and the place of the file."""
+    terminal = console(_WIDTH)
+    if with_table:
+        terminal.print(_table(calibration))
+    for line in _lines(calibration, target, file):
+        terminal.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _guide(part: Path, yes: bool) -> Guide:

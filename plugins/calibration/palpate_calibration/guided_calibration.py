@@ -166,19 +166,7 @@ def _usable_records(
 def _weigh(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
     """Return the results of the step in which the tool is turned: by a simulated rig, by a person, or in a log."""
     step_plan = with_step(plan, step)
-    if not moves(step_plan) and not is_live(step_plan.devices):
-        guide.say("  reading the log")
-        repeats = [poses_of_a_log(step_plan, len(step.down))]
-    else:
-        repeats = []
-        for repeat in range(step.repeats or plan.settings.repeats):
-            poses = []
-            for number, down in enumerate(step.down):
-                direction = ", ".join(f"{part:.3f}" for part in down)
-                place = f"orientation {number + 1} of {len(step.down)}"
-                text = f"  {place}: gravity along ({direction}) in the sensor's frame"
-                poses.append(one_pose(step_plan, step, down, _REPEAT_SEEDS * repeat + number, partial(guide.ask, text)))
-            repeats.append(poses)
+    repeats = _record_poses(step_plan, step, guide)
     try:
         mounting = _mounting(step_plan, step, repeats)
     except LogError as error:
@@ -187,9 +175,28 @@ def _weigh(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindi
         return StepFindings(values, notes=(f"no mounting of the sensor on the tool: {reason}",))
     if mounting is None:
         return StepFindings(weigh_tool(repeats, step.down, step.angle_std))
+    # Stated directions of gravity come before those of the arm's poses.
     directions = np.array(step.down) if "down" in step.model_fields_set else mounting.down
     values = weigh_tool(repeats, directions, step.angle_std) | mounting.values
     return StepFindings(values, notes=() if mounting.note is None else (mounting.note,))
+
+
+def _record_poses(step_plan: CalibrationPlan, step: Orientations, guide: Guide) -> list[list[Pose]]:
+    """Return the poses of each repeat, one for each orientation, from a log or after a person was asked for each."""
+    if not moves(step_plan) and not is_live(step_plan.devices):
+        guide.say("  reading the log")
+        return [poses_of_a_log(step_plan, len(step.down))]
+    repeats = []
+    for repeat in range(step.repeats or step_plan.settings.repeats):
+        poses = []
+        for number, down in enumerate(step.down):
+            direction = ", ".join(f"{part:.3f}" for part in down)
+            place = f"orientation {number + 1} of {len(step.down)}"
+            text = f"  {place}: gravity along ({direction}) in the sensor's frame"
+            seed = _REPEAT_SEEDS * repeat + number
+            poses.append(one_pose(step_plan, step, down, seed, partial(guide.ask, text)))
+        repeats.append(poses)
+    return repeats
 
 
 def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Sequence[Pose]]) -> Mounting | None:

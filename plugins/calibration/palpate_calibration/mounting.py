@@ -54,31 +54,51 @@ def mounting_fit(
     if len(forces) < 3 or spread[0] < _MIN_SPREAD or spread[1] < _MIN_SPREAD * spread[0]:
         raise LogError(f"calibration: {_ON_A_LINE}")
 
-    # The orthogonal matrix of each convention, by singular values (Umeyama 1991).
-    left, values, right = np.linalg.svd(f.T @ d)
-    handedness = float(np.sign(np.linalg.det(left @ right)))
-    fits: dict[int, tuple[float, Floats, float]] = {}
-    for q in (1, -1):
-        signs = np.array([1.0, 1.0, handedness * q])
-        weight = float((values * signs).sum() / (d**2).sum())
-        matrix = left @ np.diag(signs) @ right
-        fits[q] = float(((f - weight * d @ matrix.T) ** 2).sum()), matrix, weight
-
     # The convention by the smaller sum of squares, where it is significantly smaller.
-    is_significant = abs(fits[1][0] - fits[-1][0]) > (_SIGNIFICANT * std) ** 2
+    fits = _convention_fits(f, d)
+    is_significant = abs(fits[1].squares - fits[-1].squares) > (_SIGNIFICANT * std) ** 2
     q = sign
     if is_significant:
-        q = 1 if fits[1][0] < fits[-1][0] else -1
-    squares, matrix, weight = fits[q]
-    rms = math.sqrt(squares / max(3 * len(forces) - _UNKNOWNS, 1))
+        q = 1 if fits[1].squares < fits[-1].squares else -1
+    weight = fits[q].weight
+
+    # It must leave no more than the noise of the forces, and the weight across the error of the directions.
+    rms = math.sqrt(fits[q].squares / max(3 * len(forces) - _UNKNOWNS, 1))
     explained = math.hypot(std, abs(weight) * angle)
     if weight <= 0 or rms > _MAX_MISFIT * explained:
         raise LogError(
             f"calibration: the readings do not follow the arm's poses: a weight of {weight:.3g} N leaves {rms:.2g} N, "
             f"and noise and directions explain {explained:.2g} N: is the sensor on this arm, and does it hang free?"
         )
+    # A turn t changes the forces by weight t x d: its information is weight^2 sum(d^2 - d d^T).
     information = weight**2 * ((d**2).sum() * np.eye(3) - d.T @ d)
-    return MountingFit(q * matrix.T, scaled_inverse(information) * std**2, q, is_significant)
+    return MountingFit(q * fits[q].matrix.T, scaled_inverse(information) * std**2, q, is_significant)
+
+
+@dataclass(frozen=True)
+class _ConventionFit:
+    """The best weight and orthogonal matrix by one convention of the sensor: f = weight matrix d."""
+
+    squares: float  # [N^2] that remain
+    matrix: Floats  # (3, 3)
+    weight: float  # [N]
+
+
+def _convention_fits(f: Floats, d: Floats) -> dict[int, _ConventionFit]:
+    """Return for each q, 1 and -1, the fit of forces f (n, 3) [N] to directions d (n, 3), both about their means.
+
+    With f^T d = U S V^T the matrix is U D V^T, D = diag(1, 1, +-1) such that its determinant is q, and the weight is
+    tr(S D)/sum d^2 (Umeyama 1991).
+    """
+    U, singular_values, Vt = np.linalg.svd(f.T @ d)
+    handedness = float(np.sign(np.linalg.det(U @ Vt)))
+    fits = {}
+    for q in (1, -1):
+        signs = np.array([1.0, 1.0, handedness * q])
+        weight = float((singular_values * signs).sum() / (d**2).sum())
+        matrix = U @ np.diag(signs) @ Vt
+        fits[q] = _ConventionFit(float(((f - weight * d @ matrix.T) ** 2).sum()), matrix, weight)
+    return fits
 
 
 @dataclass(frozen=True)
@@ -98,36 +118,50 @@ def find_mounting(
     Type B is what a base that is not level by `angle` [rad] would do. Of a half turn's two vectors the one `near`
     another is taken.
     """
-    tells_reaction, vectors = True, list[Floats]()
-    stds, level_terms, downs = list[Floats](), list[Floats](), list[Floats]()
+    mountings: list[_RepeatMounting] = []
     for forces, tools, noise in repeats:
         fit = mounting_fit(forces, tools, down, noise, sign, angle)
-        tells_reaction = tells_reaction and fit.tells_reaction
-        downs.append(fit.convention * np.einsum("nij,i->nj", tools @ fit.rotation, down))
-        nominal = vectors[0] if vectors else np.array(near)
+        # The vectors of later repeats are those near the first repeat's.
+        nominal = mountings[0].vector if mountings else np.array(near)
         vector = _vector(fit.rotation, nominal)
-        vectors.append(vector)
-
-        # The covariance of a small turn becomes that of the rotation vector, by derivatives along three axes.
-        steps = [rotation_matrix((_TURN_STEP * axis).tolist()) for axis in np.eye(3)]
-        slopes = (np.array([_vector(step @ fit.rotation, nominal) for step in steps]) - vector).T / _TURN_STEP
-        stds.append(np.sqrt(np.diag(slopes @ fit.std @ slopes.T)))
-        level_terms.append(_level_term(forces, tools, down, angle, fit.convention, vector))
+        std = _vector_std(fit, vector, nominal)
+        level_term = _level_term(forces, tools, down, angle, fit.convention, vector)
+        weight_direction = fit.convention * np.einsum("nij,i->nj", tools @ fit.rotation, down)
+        mountings.append(_RepeatMounting(vector, std, level_term, weight_direction, fit.tells_reaction))
 
     # The base is the same in every repeat: its term does not average out.
-    type_b = np.sqrt(np.mean(np.square(level_terms), axis=0))
+    type_b = np.sqrt(np.mean(np.square([mounting.level_term for mounting in mountings]), axis=0))
     freedom = 3.0 * len(repeats[0][0]) - _UNKNOWNS
     values = {}
     for i, axis in enumerate("xyz"):
-        pairs = zip(vectors, stds, strict=True)
-        components = [RepeatValue(float(vector[i]), float(std[i]), freedom) for vector, std in pairs]
+        components = [RepeatValue(float(item.vector[i]), float(item.std[i]), freedom) for item in mountings]
         values[f"mounting_{axis}"] = MeasuredValue.of(components, "rad", float(type_b[i]))
-    note = (
-        None
-        if tells_reaction
-        else "mounting: these orientations do not distinguish a force on the tip from its reaction"
-    )
-    return Mounting(values, np.array(downs), note)
+    note = None
+    if not all(mounting.tells_reaction for mounting in mountings):
+        note = "mounting: these orientations do not distinguish a force on the tip from its reaction"
+    return Mounting(values, np.array([mounting.weight_direction for mounting in mountings]), note)
+
+
+@dataclass(frozen=True)
+class _RepeatMounting:
+    """The mounting by one repeat."""
+
+    vector: Floats  # (3,) [rad] rotation vector
+    std: Floats  # (3,) [rad]
+    level_term: Floats  # (3,) [rad] by a base that is not level
+    weight_direction: Floats  # (n, 3) in which the weight is read, in the sensor's axes
+    tells_reaction: bool  # see `MountingFit`
+
+
+def _vector_std(fit: MountingFit, vector: Floats, near: Floats) -> Floats:
+    """Return the standard deviation (3,) [rad] of a fit's rotation vector, the one that is `near` another.
+
+    The covariance of a small turn becomes that of the vector, by derivatives along three axes.
+    """
+    turns = [rotation_matrix((_TURN_STEP * axis).tolist()) for axis in np.eye(3)]
+    turned_vectors = np.array([_vector(turn @ fit.rotation, near) for turn in turns])
+    slopes = (turned_vectors - vector).T / _TURN_STEP
+    return np.sqrt(np.diag(slopes @ fit.std @ slopes.T))
 
 
 def _level_term(forces: Floats, tools: Floats, down: Floats, angle: float, convention: int, near: Floats) -> Floats:

@@ -139,22 +139,24 @@ def weigh_tool(
     readings do not follow the directions.
     """
     directions = np.broadcast_to(np.array(down, np.float64), (len(repeats), len(repeats[0]), 3))
-    fits, angle_terms = [], []
+    values_by_repeat, angle_terms = [], []
     for poses, downs in zip(repeats, directions, strict=True):
+        # The standard uncertainties of a mean force and of a mean torque, as RMS over poses and axes.
         wrenches = np.array([pose.wrench for pose in poses])
         spread = np.sqrt(np.mean([pose.std**2 for pose in poses], axis=0))
         stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))
-        fits.append(weight_fit(wrenches, downs, stds))
-        _refuse_unfit(fits[-1], wrenches, downs, stds[0], angle)
+        fit = weight_fit(wrenches, downs, stds)
+        _refuse_unfit(fit, wrenches, downs, stds[0], angle)
+        values_by_repeat.append(dict(_numbers(fit)))
         angle_terms.append(_angle_term(wrenches, downs, stds, angle))
     # The directions are the same in every repeat: their errors do not average out.
-    terms = np.sqrt(np.mean(np.square(angle_terms), axis=0))
-    table = [dict(_numbers(fit)) for fit in fits]
-    units = {"mass": "kg", "centre": "m", "bias": "N", "torque": "N*m"}
-    return {
-        name: MeasuredValue.of([entry[name] for entry in table], units[name.partition("_")[0]], float(term))
-        for name, term in zip(table[0], terms, strict=True)
-    }
+    type_b = np.sqrt(np.mean(np.square(angle_terms), axis=0))
+    units = {"mass": "kg", "centre": "m", "bias": "N", "torque": "N*m"}  # by the first part of a name
+    measured_values = {}
+    for name, term in zip(values_by_repeat[0], type_b, strict=True):
+        unit = units[name.partition("_")[0]]
+        measured_values[name] = MeasuredValue.of([values[name] for values in values_by_repeat], unit, float(term))
+    return measured_values
 
 
 def _numbers(fit: WeightFit) -> list[tuple[str, RepeatValue]]:

@@ -216,34 +216,38 @@ def _values(
     return values
 
 
-def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> list[str]:
-    """Return the notes on shakes and standstills: what is unknown, coloured, left out, unexplained or late."""
-    notes = []
+def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> Iterator[str]:
+    """Yield the notes on shakes and standstills: what is unknown, coloured, left out, unexplained or late."""
     if not standstills:
-        notes.append(
+        yield (
             "no-standstill: the records contain no standstill in free air, so offset, bias, drift and noise are unknown"
         )
-    colour = max((item.colour for fit in standstills for item in fit.stretches), default=1.0)
+    stretches = [stretch for fit in standstills for stretch in fit.stretches]
+    colour = max((stretch.colour for stretch in stretches), default=1.0)
     if colour > MAX_COLOUR:
-        notes.append(
-            f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
-        )
+        yield f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
     count = sum(shake.planned.count for shake in shakes)
     if count:
+        # Of a shake that hesitations break up nothing is left out.
         share = np.mean([0.0 if shake.planned.breaks_up else shake.planned.share for shake in shakes])
-        notes.append(f"hesitated: {hesitation_note(count)}; {share:.0%} of the shakes is left out for it")
-    noise = max((item.force_std.value for fit in standstills for item in fit.stretches), default=math.inf)
+        yield f"hesitated: {hesitation_note(count)}; {share:.0%} of the shakes is left out for it"
+    noise = max((stretch.force_std.value for stretch in stretches), default=math.inf)
     residual = max(shake.residual for shake in shakes)
     if residual > _NOTED_NOISES * noise:
-        notes.append(
+        yield (
             f"unexplained: mass and delay leave {residual:.3g} N of the force, where the noise at standstill is "
             f"{noise:.3g} N: something else vibrated, or the clocks stumbled"
         )
+    yield from _lateness_notes(shakes)
+
+
+def _lateness_notes(shakes: Sequence[ShakeFit]) -> Iterator[str]:
+    """Yield the note on a velocity that is certainly later than the position."""
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
-    if lags:
-        lag = MeasuredValue.of(lags, "s")
-        is_small = abs(lag.value) <= _MIN_LATENESS
-        if abs(lag.value) > (_SMALL_CERTAIN if is_small else _CERTAIN) * lag.combined:
-            note = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
-            notes.append(f"{note}: certain, but too small to correct" if is_small else note)
-    return notes
+    if not lags:
+        return
+    lag = MeasuredValue.of(lags, "s")
+    is_small = abs(lag.value) <= _MIN_LATENESS
+    if abs(lag.value) > (_SMALL_CERTAIN if is_small else _CERTAIN) * lag.combined:
+        note = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
+        yield f"{note}: certain, but too small to correct" if is_small else note

@@ -55,9 +55,7 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     Source: paper, mass identification (F = m a); the delay is beyond the paper.
     """
     # The lines of the motion, without hesitations of the arm.
-    middle = (segment.begin + segment.end) / 2
     times, heights = record.position.between(segment.begin, segment.end)
-    instants, readings = record.force.between(segment.begin, segment.end)
     planned = SteadyMotion.of(record, segment)
     lines = frequencies or find_lines(times, heights, planned.hold(times))
     if not lines:
@@ -67,12 +65,8 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     # the motion has them.
     max_frequency = min(record.force.rate, record.position.rate) / _SAMPLES_PER_PERIOD
     fitted_lines = (*lines, *harmonics_of(lines, max_frequency, segment.length))
-    motion = sine_fit(times, heights, fitted_lines, middle, planned.hold(times))
-    force = sine_fit(instants, readings, fitted_lines, middle, planned.hold(instants))
-    if planned.count:  # a late force hesitates later
-        best = int(np.argmax(np.abs(force.phasors[: len(lines)])))
-        lateness = -float(np.angle(force.phasors[best] / motion.phasors[best])) / (2 * math.pi * lines[best])
-        force = sine_fit(instants, readings, fitted_lines, middle, planned.hold(instants - lateness))
+    motion = sine_fit(times, heights, fitted_lines, _middle(segment), planned.hold(times))
+    force = _force_fit(record, segment, planned, motion, fitted_lines, len(lines))
     _refuse_noise(motion, force, lines)
 
     # Mass and delay by the lines that stand well out of the noise.
@@ -87,17 +81,59 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     unexplained = _unexplained(motion, force, fitted_lines, mass.value, delay.value)
     _refuse_harmonics(unexplained[len(lines) :], force, fitted_lines, swing)
     residual = math.sqrt(float(np.mean(force.residual**2)) + float((unexplained**2).sum()) / 2)
-
-    velocity_delay = velocity_std = None
-    if record.velocity is not None:
-        instants, speeds = record.velocity.between(segment.begin, segment.end)
-        used = planned.hold(instants)
-        velocity_delay = _velocity_delay(motion, sine_fit(instants, speeds, lines, middle, used), lines)
-        velocity_std = against_average(speeds, used)
-    amplitudes = tuple(float(abs(z)) for z in motion.phasors[: len(lines)])
+    velocity_delay, paper_velocity_std = _velocity_values(record, segment, planned, motion, lines)
     return ShakeFit(
-        lines, amplitudes, mass, delay, velocity_delay, force.offset, swing, residual, velocity_std, planned
+        frequencies=lines,
+        amplitudes=tuple(float(abs(z)) for z in motion.phasors[: len(lines)]),
+        mass=mass,
+        delay=delay,
+        velocity_delay=velocity_delay,
+        offset=force.offset,
+        swing=swing,
+        residual=residual,
+        paper_velocity_std=paper_velocity_std,
+        planned=planned,
     )
+
+
+def _middle(segment: Segment) -> float:
+    """Return the time [s] to which the phases of a shake refer."""
+    return (segment.begin + segment.end) / 2
+
+
+def _force_fit(
+    record: CalibrationRecord,
+    segment: Segment,
+    planned: SteadyMotion,
+    motion: SineFit,
+    fitted_lines: tuple[float, ...],
+    line_count: int,
+) -> SineFit:
+    """Return the sines of the force at the lines of the motion, and at harmonics, which follow the first `line_count`.
+
+    A late force hesitates later than the arm: its readings are left out at times that are later by the delay of its
+    strongest line, in a second fit.
+    """
+    times, readings = record.force.between(segment.begin, segment.end)
+    force = sine_fit(times, readings, fitted_lines, _middle(segment), planned.hold(times))
+    if not planned.count:
+        return force
+    strongest = int(np.argmax(np.abs(force.phasors[:line_count])))
+    phase = float(np.angle(force.phasors[strongest] / motion.phasors[strongest]))
+    lateness = -phase / (2 * math.pi * fitted_lines[strongest])
+    return sine_fit(times, readings, fitted_lines, _middle(segment), planned.hold(times - lateness))
+
+
+def _velocity_values(
+    record: CalibrationRecord, segment: Segment, planned: SteadyMotion, motion: SineFit, lines: tuple[float, ...]
+) -> tuple[RepeatValue | None, RepeatValue | None]:
+    """Return the delay [s] of a measured velocity, and its noise [m/s] as in the paper; None without a velocity."""
+    if record.velocity is None:
+        return None, None
+    times, speeds = record.velocity.between(segment.begin, segment.end)
+    used = planned.hold(times)
+    velocity = sine_fit(times, speeds, lines, _middle(segment), used)
+    return _velocity_delay(motion, velocity, lines), against_average(speeds, used)
 
 
 def _by_line(

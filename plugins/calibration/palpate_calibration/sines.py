@@ -129,27 +129,36 @@ def find_lines(
     together by Gauss and Newton; ends where the next peak is below `min_share` of the first.
     """
     used = np.ones(len(time), bool) if used is None else used
-    middle = (time[0] + time[-1]) / 2
-    t = time - middle
-    span, count = float(t[-1] - t[0]), len(t)
-    even = np.linspace(t[0], t[-1], count)
+    t = time - (time[0] + time[-1]) / 2
+    residual = values - np.polyval(np.polyfit(t[used], values[used], 1), t)
     lines: list[float] = []
-    residual, first = values - np.polyval(np.polyfit(t[used], values[used], 1), t), None
+    first_height: float | None = None
     for _ in range(max_count):
-        window = np.hanning(count)
-        spectrum = (
-            np.abs(np.fft.rfft(np.interp(even, t, residual * used) * window, _ZERO_PADDING * count)) * 2 / window.sum()
-        )
-        grid = np.fft.rfftfreq(_ZERO_PADDING * count, span / (count - 1))
-        spectrum[grid * span < _MIN_PERIODS] = 0.0
-        peak = int(np.argmax(spectrum))
-        first = spectrum[peak] if first is None else first
-        if spectrum[peak] < min_share * first or spectrum[peak] == 0:
+        frequency, height = _highest_peak(t, residual * used)
+        if first_height is None:
+            first_height = height
+        if height < min_share * first_height or height == 0:
             break
-        lines = _refined(t[used], values[used], [*lines, float(grid[peak])])
+        lines = _refined(t[used], values[used], [*lines, frequency])
         columns = _columns(t, lines)
         residual = values - columns @ _least_squares(columns[used], values[used])
     return tuple(sorted(lines))
+
+
+def _highest_peak(t: Floats, values: Floats) -> tuple[float, float]:
+    """Return frequency [Hz] and amplitude of the highest peak of a spectrum, of some periods within the record or more.
+
+    The values at times t (n,) [s] are read at even times, under Hann's window, with zeros behind them.
+    """
+    count, span = len(t), float(t[-1] - t[0])
+    even = np.linspace(t[0], t[-1], count)
+    window = np.hanning(count)
+    transform = np.fft.rfft(np.interp(even, t, values) * window, _ZERO_PADDING * count)
+    spectrum = np.abs(transform) * 2 / window.sum()
+    frequencies = np.fft.rfftfreq(_ZERO_PADDING * count, span / (count - 1))
+    spectrum[frequencies * span < _MIN_PERIODS] = 0.0
+    peak = int(np.argmax(spectrum))
+    return float(frequencies[peak]), float(spectrum[peak])
 
 
 def _refined(t: Floats, values: Floats, lines: list[float]) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from palpate import Floats, LogError
@@ -101,42 +101,58 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     readings, symmetrically and so without a delay, since its noise times the stiffness is a force; the noisy force is
     never interpolated. The uncertainty takes the residual as correlated over a tenth of a second (Newey and West 1987).
     """
-    times, readings = force
-    noise = float(np.sqrt(np.mean(np.diff(readings, 2) ** 2) / _SECOND_DIFFERENCE_VARIANCE))
-    touching = readings > max(_TOUCH_SHARE * float(readings.max()), _TOUCH_NOISES * noise)
-    if touching.sum() < _MIN_TAP_READINGS:
-        raise LogError("calibration: the record contains no tap: the force does not rise for 20 readings")
-    from scipy.interpolate import CubicSpline
-    from scipy.signal import savgol_filter
-
-    path = CubicSpline(position[0], savgol_filter(position[1], _SMOOTHED_READINGS, 3))
-    t, u = times[touching], readings[touching]
-
-    def residual(delay: float) -> Floats:
-        """Return the residual (n,) [N] of the force as a polynomial of the position so much earlier."""
-        z = path(t - delay)
-        unit = (z - z.min()) / max(float(np.ptp(z)), _SMALLEST_LENGTH) * 2 - 1
-        basis = np.polynomial.chebyshev.chebvander(unit, _DEGREE)
-        return np.asarray(u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0])
-
     from scipy.optimize import minimize_scalar
 
+    branches = _TapBranches.of(force, position)
     # The delay of the smallest residual, on a grid and then between its neighbours.
     grid = np.linspace(-_MAX_DELAY, _MAX_DELAY, _DELAYS)
-    costs = np.array([float((residual(delay) ** 2).sum()) for delay in grid])
+    costs = np.array([branches.cost(delay) for delay in grid])
     best = int(np.argmin(costs))
     if best in (0, len(grid) - 1):
         raise LogError("calibration: the tap shows no delay within 50 ms: the surface is not elastic, or not stiff")
-    minimum: Any = minimize_scalar(
-        lambda delay: float((residual(delay) ** 2).sum()), bounds=(grid[best - 1], grid[best + 1]), method="bounded"
-    )
+    minimum: Any = minimize_scalar(branches.cost, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
     delay = float(minimum.x)
 
     # Its uncertainty, by the slope of the residual and its own correlation (Newey and West 1987).
-    slope = (residual(delay + _DELAY_STEP) - residual(delay - _DELAY_STEP)) / (2 * _DELAY_STEP)
-    lags = max(round(_CORRELATION_TIME * len(t) / float(t[-1] - t[0])), 1)
-    std = math.sqrt(_long_variance(slope * residual(delay), lags)) / float((slope**2).sum())
-    return RepeatValue(delay, std, max(len(u) / lags - _UNKNOWNS, 1.0))
+    slope = (branches.residual(delay + _DELAY_STEP) - branches.residual(delay - _DELAY_STEP)) / (2 * _DELAY_STEP)
+    count, duration = len(branches.time), float(branches.time[-1] - branches.time[0])
+    lags = max(round(_CORRELATION_TIME * count / duration), 1)
+    std = math.sqrt(_long_variance(slope * branches.residual(delay), lags)) / float((slope**2).sum())
+    return RepeatValue(delay, std, max(count / lags - _UNKNOWNS, 1.0))
+
+
+@dataclass(frozen=True)
+class _TapBranches:
+    """The readings of a tap in contact, loading and unloading, and the smooth path of the tip."""
+
+    time: Floats  # (n,) [s]
+    force: Floats  # (n,) [N]
+    path: Any  # position [m] over time [s], a spline
+
+    @classmethod
+    def of(cls, force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> Self:
+        """Return the branches of a record of time-stamps [s] and readings; raises LogError without a tap."""
+        times, readings = force
+        noise = float(np.sqrt(np.mean(np.diff(readings, 2) ** 2) / _SECOND_DIFFERENCE_VARIANCE))
+        touching = readings > max(_TOUCH_SHARE * float(readings.max()), _TOUCH_NOISES * noise)
+        if touching.sum() < _MIN_TAP_READINGS:
+            raise LogError("calibration: the record contains no tap: the force does not rise for 20 readings")
+        from scipy.interpolate import CubicSpline
+        from scipy.signal import savgol_filter
+
+        path = CubicSpline(position[0], savgol_filter(position[1], _SMOOTHED_READINGS, 3))
+        return cls(times[touching], readings[touching], path)
+
+    def residual(self, delay: float) -> Floats:
+        """Return the residual (n,) [N] of the force as a polynomial of the position so much earlier."""
+        z = self.path(self.time - delay)
+        unit = (z - z.min()) / max(float(np.ptp(z)), _SMALLEST_LENGTH) * 2 - 1  # from -1 to 1
+        basis = np.polynomial.chebyshev.chebvander(unit, _DEGREE)
+        return np.asarray(self.force - basis @ np.linalg.lstsq(basis, self.force, rcond=None)[0])
+
+    def cost(self, delay: float) -> float:
+        """Return the sum of squares [N^2] of the residual."""
+        return float((self.residual(delay) ** 2).sum())
 
 
 def _long_variance(scores: Floats, lags: int) -> float:
