@@ -60,14 +60,17 @@ def thickness(
 
     if out.exists():
         raise ConfigurationError(f"{out}: exists already, and nothing is ever overwritten")
-    sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
+    texts = {"diameter": diameter, "height": height, "depth": depth}
+    sizes = {name: _length(name, text) for name, text in texts.items()}
     indenter = _tip(tip, overrides or [])
     profile = _profile_within(indenter, sizes, sticking)
-    depths = sizes["depth"] * np.linspace(_FIRST_RADIUS_RATIO, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
+    # Contact radii at even distances: that of a sphere grows with the root of the depth.
+    depths = sizes["depth"] * np.linspace(_FIRST_RADIUS_RATIO, 1.0, points) ** 2
     factors, stopped = _compute_rows(
         cylinder, tip=indenter, profile=profile, depths=depths, fine=fine, seconds=_seconds(limit)
     )
+    # A smooth curve through the rows is the table; their scatter about it tells whether the elements were fine enough.
     reached = depths[: len(factors)]
     smooth, scatter, at_touch = smooth_table(reached, factors, isinstance(indenter, Flat))
     if scatter > _MAX_SCATTER:
@@ -75,10 +78,16 @@ def thickness(
             f"palpate model thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)"
         )
     facts = {
-        "tip": tip_facts(indenter), "diameter": sizes["diameter"], "height": sizes["height"], "bonded": bonded,
-        "sticking": sticking, "elements": fine, "scatter": float(f"{scatter:.2g}"),
-        **({"at_touch": float(f"{at_touch:.6g}")} if isinstance(indenter, Flat) else {}),
-    }  # fmt: skip
+        "tip": tip_facts(indenter),
+        "diameter": sizes["diameter"],
+        "height": sizes["height"],
+        "bonded": bonded,
+        "sticking": sticking,
+        "elements": fine,
+        "scatter": float(f"{scatter:.2g}"),
+    }
+    if isinstance(indenter, Flat):
+        facts["at_touch"] = float(f"{at_touch:.6g}")
     write_new(out, table_text(facts, reached, smooth))
     if as_json:
         print_json({"file": out, **facts, "depth": reached, "factor": smooth, "computed": factors, "stopped": stopped})

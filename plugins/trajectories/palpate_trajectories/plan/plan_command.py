@@ -43,25 +43,28 @@ def plan(
     pipeline = load_pipeline(file, overrides or [])
     if not pipeline.trajectories:
         raise ConfigurationError(f"{file}: has no [trajectory.*] table to plan")
-    answer = dict[str, dict[str, Any]]()
+    facts_by_motion = dict[str, dict[str, Any]]()
     problems = list[str]()
     for name, trajectory in pipeline.trajectories.items():
-        end = duration_of(trajectory)
-        time = np.arange(0.0, end + _STEP, max(_STEP, end / _MAX_STEPS))
+        duration = duration_of(trajectory)
+        time = np.arange(0.0, duration + _STEP, max(_STEP, duration / _MAX_STEPS))
         setpoint = setpoints_at(trajectory, time)
         # Its facts, the devices' own checks, and the limits.
-        facts = answer[name] = _facts(pipeline, end, time, setpoint, expect or [])
+        facts = _facts(pipeline, duration, time, setpoint, expect or [])
+        facts_by_motion[name] = facts
         ask_devices(pipeline.devices, setpoint)
         report = check_motion(trajectory, pipeline.safety) if pipeline.safety else None
         if report is not None:
             facts["stop_force"] = report.peak_force
             problems += [f"trajectory {name}: {problem}" for problem in report.problems]
+        # In words, and as a picture, which has the name of one motion among several.
         with print_aside(as_json):
             _print_motion(pipeline, name, facts, report)
             if out is not None:
-                facts["picture"] = out.with_stem(f"{out.stem}-{name}") if len(pipeline.trajectories) > 1 else out
-                _draw(time, setpoint, name, facts["picture"])
-                typer.echo(f"  drawn in {facts['picture']}")
+                picture = out.with_stem(f"{out.stem}-{name}") if len(pipeline.trajectories) > 1 else out
+                facts["picture"] = picture
+                _draw(time, setpoint, name, picture)
+                typer.echo(f"  drawn in {picture}")
     # Motions that arms make on their own, and the verdict.
     with print_aside(as_json):
         for line in own_motion_lines(pipeline):
@@ -70,7 +73,7 @@ def plan(
     if problems:
         raise ConfigurationError("\n".join([f"{file}: the motion breaks the limits of [safety]:", *problems]))
     if as_json:
-        print_json(answer)
+        print_json(facts_by_motion)
 
 
 def _print_motion(pipeline: Pipeline, name: str, facts: dict[str, Any], report: MotionReport | None) -> None:

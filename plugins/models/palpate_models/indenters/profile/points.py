@@ -22,22 +22,18 @@ def read_points(path: Path, unit: float) -> tuple[Floats, Floats]:
     and line, on a missing file and on a profile that does not begin at r = 0 and z = 0, whose radii do not grow, whose
     heights fall, or that holds anything but finite numbers.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ValueError(f"{path}: cannot read the profile: {reason}") from error
     radii: list[float] = []
     heights: list[float] = []
-    for number, row in enumerate(csv.reader(lines), start=1):
+    for number, row in enumerate(csv.reader(_profile_lines(path)), start=1):
         place = f"{path}:{number}"
         if not row or not "".join(row).strip() or row[0].lstrip().startswith("#"):
             continue
         try:
             r, z = (float(cell) for cell in row)
         except ValueError as error:
-            if not radii and not any(is_number(cell) for cell in row):
-                continue  # the heading
+            is_heading = not radii and not any(is_number(cell) for cell in row)
+            if is_heading:
+                continue
             raise ValueError(f"{place}: {','.join(row)!r} is not a radius and a height") from error
         _refuse_point(r, z, radii, heights, place)
         radii.append(r)
@@ -47,6 +43,15 @@ def read_points(path: Path, unit: float) -> tuple[Floats, Floats]:
     if heights[-1] == 0:
         raise ValueError(f"{path}: every height is 0: that is the tip 'flat'")
     return np.array(radii) * unit, np.array(heights) * unit
+
+
+def _profile_lines(path: Path) -> list[str]:
+    """Return the lines of a file; raises ValueError where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ValueError(f"{path}: cannot read the profile: {reason}") from error
 
 
 def _refuse_point(r: float, z: float, radii: list[float], heights: list[float], place: str) -> None:
