@@ -70,7 +70,7 @@ def thickness(
     factors, stopped = _compute_rows(
         cylinder, tip=indenter, profile=profile, depths=depths, fine=fine, seconds=_seconds(limit)
     )
-    # A smooth curve through the rows is the table; their scatter about it tells whether the elements were fine enough.
+    # A smooth curve through the rows is the table; their scatter about it shows whether the elements were fine enough.
     reached = depths[: len(factors)]
     smooth, scatter, at_touch = smooth_table(reached, factors, isinstance(indenter, Flat))
     if scatter > _MAX_SCATTER:
