@@ -288,6 +288,7 @@ class RecursiveTracker:
     ) -> None:
         """Write outputs as estimates of some rows; after a divergence, also an unreported one, they are NaN."""
         place, column = self._layout, self._layout.at
+        # One bit of the status for each of the marks.
         status = np.zeros(len(outputs), np.uint32)
         marked = outputs[:, self._mark_columns] > _IS_MARKED
         for is_marked, bit in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
@@ -300,6 +301,7 @@ class RecursiveTracker:
             diverged = np.logical_or.accumulate(diverged)
             self._diverged = True
             status[diverged] |= np.uint32(_DIVERGED)
+        # The estimates, by the outputs' columns.
         nis, innovation = surprises(outputs, place)
         columns = {
             "values": outputs[:, place["values"]],

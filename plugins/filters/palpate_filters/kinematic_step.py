@@ -82,11 +82,13 @@ def kinematic_step(
     import casadi as ca
 
     n, count = process.states, len(process.model.parameters)
-    # Symbols of the filter's state, and of the settings: noises, and surface and chart of a fresh start.
-    mean, covariance, low_count_before = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
-    centre = ca.SX.sym("b", state_layout(process)["centre"].stop - state_layout(process)["centre"].start)
+    # Symbols of the filter's state, as `state_layout` has it.
+    mean, covariance = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
+    low_count_before, centre = ca.SX.sym("low"), ca.SX.sym("b", int(process.biased))
+    # Symbols of the settings: noises, and surface and chart of a fresh start; and those of the sample.
     noises, fresh, fresh_std = ca.SX.sym("p", NOISE_COUNT), ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
-    reading, noise = _reading_symbols(process, linearised), KinematicNoise(*ca.vertsplit(noises))
+    noise = KinematicNoise(*ca.vertsplit(noises))
+    reading = _reading_symbols(process, linearised)
 
     # Predict, then update with each measurement in turn: their errors are independent.
     x, P, _ = predict(process, mean, mirror(covariance), reading.interval, noise)
@@ -250,6 +252,7 @@ def _update_force(
     mean, covariance = before.mean, before.covariance
     x, P, normalised = mean, covariance, ca.SX(0)
     for _ in range(iterations):
+        # The state at which the force is linearised.
         point = x if linearisation is None else linearisation
         if linearisation is None and process.biased:
             point = _state_with_bias(process, x, covariance, centre)
@@ -257,6 +260,7 @@ def _update_force(
         expected, slope = _linearised_reading(process, point)
         expected += ca.dot(slope, mean - point)
         innovation = ca.if_else(is_present, force, expected) - expected
+        # The variance by Student's t, then the update of the prediction, not of the iterate before.
         used_variance = variance
         if student is not None:
             square = innovation**2 / (ca.dot(slope, covariance @ slope) + variance)

@@ -105,9 +105,9 @@ def _write_files(
     """Write all files of the folder; raises ConfigurationError where C has no counterpart of an instruction."""
     settings = pipeline.alignment
     title = f"{track} of {file.name}"
-    measured = settings.tare == "free-air"
+    # Numbers of the C code that its user may change; a tare or a touch that is measured has no number here.
     defaults = [
-        f"tare_measured = {int(measured)}",
+        f"tare_measured = {int(settings.tare == 'free-air')}",
         f"tare_offset = {c_number(settings.tare if isinstance(settings.tare, float) else 0.0)}",
         f"tare_duration = {c_number(settings.tare_duration)}",
         f"touch_lag = {c_number(settings.touch_lag)}",
@@ -118,7 +118,6 @@ def _write_files(
         f"window = {c_number(filter.window)}",
         f"share = {share(vectors.rate)}",
     ]
-    names = [parameter.name for parameter in filter.model.parameters]
     try:
         code = source(filter, defaults)
     except Untranslatable as error:
@@ -132,7 +131,8 @@ def _write_files(
     }
     for name, text in texts.items():
         write_new(folder / name, text)
-    vectors.write(folder / "vectors.csv", names)
+    # Inputs and outputs that the compiled filter is checked with.
+    vectors.write(folder / "vectors.csv", [parameter.name for parameter in filter.model.parameters])
 
 
 def _check(folder: Path) -> None:
