@@ -36,19 +36,24 @@ def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
     sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
     if sensitivity is None:
         return {}
+    # The effect of 1 % of each number that is taken as exact.
     percent = {}
     for name, path, error in _errors(sensitivity, end.uncertainties):
-        if shares := _percent(sensitivity, error, path):
+        shares = _percent(sensitivity, error, path)
+        if shares:
             percent[name] = shares
     if not percent:
         return {}
     table: dict[str, Any] = {"percent": percent}
+    # The stiffness of the robot and the thickness from which on they do not matter; the skin's shape.
     if end.settings.series_stiffness is None and sensitivity.given_way is not None:
         shares = _percent(sensitivity, -sensitivity.given_way)  # per m/N
         table["rigid_above"] = {name: abs(share) / (100.0 * SHARE) for name, share in shares.items()}
-    if (thickness := half_space_from(track)) is not None:
+    thickness = half_space_from(track)
+    if thickness is not None:
         table["half_space_above"] = thickness
     table |= _of_the_skin(track)
+    # The frequency at which a viscosity was seen.
     used = track.kept.used & np.isfinite(track.kept.position)
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     if rhythm is not None and any(is_viscous(parameter) for parameter in track.model.parameters):

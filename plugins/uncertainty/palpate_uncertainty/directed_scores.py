@@ -54,6 +54,7 @@ def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> 
     white = np.vstack([white_columns[:, has_past], residual])
     white /= np.maximum(np.linalg.norm(white, axis=1), _SMALLEST_LENGTH)[:, None]
 
+    # Less the slopes of the model's own numbers; the last row and column are the residual's.
     products = _without_first(white @ white.T, own_slopes.shape[1])
     by_reason: dict[str, Score] = {}
     begin = 0

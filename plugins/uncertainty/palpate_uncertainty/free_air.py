@@ -111,14 +111,18 @@ class _MotionForce:
         air_before = _Air(track.air_time, track.air_force, track.air_position)
         before = _above(track, air_before, _MIN_HEIGHT_SHARE * _largest_depth(track))
         after = _above(track, _Air(*track.air_after), _DRAG_HEIGHT)
-        parts = [part for part in (_inertia_free(track, air) for air in (before, after)) if len(part[0])]
+        # Force without inertia, speed and height of each stretch of air that has samples.
+        stretches = [_inertia_free(track, air) for air in (before, after)]
+        stretches = [stretch for stretch in stretches if len(stretch[0])]
         no_force = cls(np.zeros(2), np.zeros(2), 0.0)
-        if sum(len(force) for force, _, _ in parts) < _MIN_SAMPLES:
+        if sum(len(force) for force, _, _ in stretches) < _MIN_SAMPLES:
             return no_force
-        force, speed, height = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        number = np.concatenate([np.full(len(part[0]), float(i)) for i, part in enumerate(parts)])
+        force, speed, height = (np.concatenate(columns) for columns in zip(*stretches, strict=True))
+        # Columns of speed and height, and a zero of its own for the second stretch.
+        number = np.concatenate([np.full(len(stretch[0]), float(i)) for i, stretch in enumerate(stretches)])
         reference = float(np.mean(height))
-        columns = np.column_stack([speed, height - reference, *(number == i for i in range(1, len(parts)))])
+        own_zeros = [number == i for i in range(1, len(stretches))]
+        columns = np.column_stack([speed, height - reference, *own_zeros])
         if np.linalg.matrix_rank(columns - columns.mean(axis=0)) < columns.shape[1]:
             return no_force
         weights, errors = (column[:2] for column in _regression(columns, force))

@@ -111,23 +111,31 @@ def _finding(
     best: _Evidence,
     bic: Floats,
 ) -> Diagnosed:
-    """Return the distance of a track's values from the weighted ones, as terms of its budget, and the note on it."""
+    """Return the distance of a track's values from the weighted ones, as terms of its budget, and the note on it.
+
+    `results` are the weighted values by parameter, `bic` (m,) that of each track of the group.
+    """
     terms, table = {}, dict[str, Any]()
     for name, models in results.items():
         terms[name] = math.hypot(models.spread, _of(track, name, "values") - models.value)
         table[name] = {
-            "value": models.value, "combined": models.combined, "within": models.within, "spread": models.spread,
-        }  # fmt: skip
+            "value": models.value,
+            "combined": models.combined,
+            "within": models.within,
+            "spread": models.spread,
+        }
+    # The weights of the models are the same for every parameter.
     weights = next(iter(results.values())).weights if results else np.zeros(0)
-    names = [_model_of(other) for other in group]
-    weight_by_model = dict(zip(names, weights.tolist(), strict=False))
-    table |= {
-        "weights": weight_by_model, "samples": best.samples, "effective_samples": best.effective_samples,
-        "bic": dict(zip(names, bic.tolist(), strict=True)),
-    }  # fmt: skip
-    weight_words = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in weight_by_model.items())
-    sample_words = f"{best.effective_samples:.3g} of {best.samples:.0f} samples independent"
-    text = f"the record weights the admitted models {weight_words} ({sample_words})"
+    model_names = [_model_of(other) for other in group]
+    weight_by_model = dict(zip(model_names, weights.tolist(), strict=False))
+    table["weights"] = weight_by_model
+    table["samples"] = best.samples
+    table["effective_samples"] = best.effective_samples
+    table["bic"] = dict(zip(model_names, bic.tolist(), strict=True))
+    # The note: weights, independent samples, and the first parameter's weighted value.
+    weight_text = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in weight_by_model.items())
+    sample_text = f"{best.effective_samples:.3g} of {best.samples:.0f} samples independent"
+    text = f"the record weights the admitted models {weight_text} ({sample_text})"
     first = next(iter(results), None)
     if first is not None:
         models = results[first]

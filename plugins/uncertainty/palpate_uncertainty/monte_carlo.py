@@ -102,13 +102,18 @@ def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], s
     track = next(candidate for candidate in pipeline.tracks if candidate.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
+    # The uncertainty between force and motion: those of both time-stamps together.
     motion = settings.velocity or settings.position
     timing = [signal.uncertainty for signal in (settings.force, motion) if signal.uncertainty]
     timing_uncertainty = math.hypot(*timing) if timing else None
     problem = Problem(
-        track.model, settings.tip_mass, timing_uncertainty, standstill,
-        zero_uncertainty=settings.zero_uncertainty, force_zero=settings.force_zero,
-    )  # fmt: skip
+        track.model,
+        settings.tip_mass,
+        timing_uncertainty,
+        standstill,
+        zero_uncertainty=settings.zero_uncertainty,
+        force_zero=settings.force_zero,
+    )
     # A draw needs the estimate alone.
     changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
     return Case(
@@ -161,7 +166,11 @@ def _chunk(case: Case, seed: int, numbers: range) -> Floats:
 
 
 def _draw(case: Case, random: np.random.Generator) -> Floats:
-    """Return the values (k,) of one draw: the estimate with every input changed, plus the effects without an input."""
+    """Return the values (k,) of one draw: the estimate with every input changed, plus the effects without an input.
+
+    Each row of the budget is drawn once, in its order: by its effect alone, as a change of the samples, or of a number
+    of the model. NaN where nothing is estimated.
+    """
     model, samples, mass = case.model, case.samples, case.problem.tip_mass
     effects = np.zeros(len(case.names))
     for row in case.rows:
@@ -181,13 +190,14 @@ def _draw(case: Case, random: np.random.Generator) -> Floats:
             samples = _changed(samples, cause, std * random.standard_normal())
         else:
             model = with_number(model, cause, std * _shift(cause, is_declared, random))
-    problem = replace(case.problem, model=model, tip_mass=mass)
-    estimates = case.estimator.start(problem).run(samples)
+    # The mean over the last part of a recursive estimate; of a fit it is constant.
+    estimates = case.estimator.start(replace(case.problem, model=model, tip_mass=mass)).run(samples)
     rows = np.flatnonzero(np.isfinite(estimates.values).all(axis=1))
     if not len(rows):
         return np.full(len(case.names), np.nan)
-    since = estimates.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
-    return np.asarray(estimates.values[rows[estimates.time[rows] >= since]].mean(axis=0) + effects)
+    begin = estimates.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
+    averaged_rows = rows[estimates.time[rows] >= begin]
+    return np.asarray(estimates.values[averaged_rows].mean(axis=0) + effects)
 
 
 def _shift(cause: str, is_declared: bool, random: np.random.Generator) -> float:
