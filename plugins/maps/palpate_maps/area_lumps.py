@@ -33,7 +33,8 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
     coarse = merge_sites(sites, settings.width)
     baseline = background_sites(coarse, settings.spread, settings.width)
     area = _AreaSites(SiteField(sites.place, site_numbers(sites, settings.width), coarse.log), coarse, settings)
-    groups, wide = [], []
+    groups: list[NDArray[np.intp]] = []
+    wide: list[NDArray[np.intp]] = []
     for group in stiff_groups(coarse, baseline, settings):
         (wide if is_wide(coarse, group, baseline) else groups).append(group)
     fit, wide = area.explain(groups, wide)

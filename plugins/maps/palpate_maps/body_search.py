@@ -178,13 +178,16 @@ class _Ways:
         """Return the ways of a fit: straight from body to body, over others where that is higher (Floyd 1962)."""
         count, unknowns = len(fit.bodies), len(fit.covariance) - 1
         height, slopes = rise(fit.bodies, np.array([body.place for body in fit.bodies]))
-        saddle, saddle_slopes = np.full((count, count), -np.inf), np.zeros((count, count, unknowns))
+        saddle = np.full((count, count), -np.inf)
+        saddle_slopes = np.zeros((count, count, unknowns))
+        # The lowest point of each straight way.
         for i, j in itertools.permutations(range(count), 2):
-            ends = fit.bodies[i].place, fit.bodies[j].place
-            way = ends[0] + np.linspace(0.0, 1.0, _DIP_POINTS)[:, None] * (ends[1] - ends[0])
-            along, along_slopes = rise(fit.bodies, way)
-            lowest = int(np.argmin(along))
-            saddle[i, j], saddle_slopes[i, j] = along[lowest], along_slopes[lowest]
+            start, end = fit.bodies[i].place, fit.bodies[j].place
+            way = start + np.linspace(0.0, 1.0, _DIP_POINTS)[:, None] * (end - start)
+            way_height, way_slopes = rise(fit.bodies, way)
+            lowest = int(np.argmin(way_height))
+            saddle[i, j], saddle_slopes[i, j] = way_height[lowest], way_slopes[lowest]
+        # A way over a third body is as high as the lower of its two parts.
         for over, i, j in itertools.permutations(range(count), 3):
             first, second = (i, over), (over, j)
             lower = first if saddle[first] <= saddle[second] else second

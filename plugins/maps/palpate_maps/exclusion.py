@@ -46,12 +46,14 @@ def excluded_lumps(
     area, by default of triangles between the sites, but for known lumps. Beyond two radii, a width, a lump is not felt,
     as in a search; infinite where more than a twentieth of the places are that far from every site.
     """
+    # Places on a known lump do not count.
     places, weight = _places_between(field.middle) if area is None else area
     for lump in lumps:
-        apart = np.linalg.norm(places[:, :2] - np.array(lump.place), axis=1)
-        weight = np.where(apart < max(lump.extent), 0.0, weight)
+        distance_to_lump = np.linalg.norm(places[:, :2] - np.array(lump.place), axis=1)
+        weight = np.where(distance_to_lump < max(lump.extent), 0.0, weight)
     if not len(places) or weight.sum() <= 0 or baseline.count < 2:
         return ()
+    # The shape g of a lump of each width at each place, at each site.
     offset = field.place[:, None] - places[None]
     distance = np.linalg.norm(offset, axis=2).min(axis=0)
     powers = []

@@ -47,6 +47,7 @@ def map_picture(
         (100 * field.std / field.value, "standard deviation [%]", "magma"),
     ]
     lumps = findings.lumps if findings is not None else ()
+    # Both panels have the same places over their colours; lumps have their number in the first alone.
     for axis, (values, title, colours) in zip(axes[0], panels, strict=False):
         image = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
         figure.colorbar(image, ax=axis, shrink=0.8)
@@ -160,6 +161,7 @@ def sweep_picture(
     excluded = exclusion_table(findings) if findings is not None else []
     figure, axes = figure_of(2 if excluded else 1, height=70.0)
     axis = axes[0, 0]
+    # What is excluded has a narrower panel of its own.
     if excluded:
         axis.get_gridspec().set_width_ratios(_SWEEP_RATIOS)
         draw_exclusion(axes[0, 1], excluded)

@@ -57,15 +57,21 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     parts = _accepted(folder)
     if track is not None:
         _demand_known(folder, parts, track)
-    read = [(part, _read_part(part, track, parameter)) for part in parts]
-    paths = [(part, path) for part, path in read if path is not None]
-    if not paths:
+    # The parts that have estimates.
+    named_paths: list[tuple[str, Path2D]] = []
+    for part in parts:
+        path = _read_part(part, track, parameter)
+        if path is not None:
+            named_paths.append((part.path.name, path))
+    if not named_paths:
         _demand_estimates(folder, parts)
         raise LogError(
             f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
         )
-    joined = join_paths([path for _, path in paths])
-    return replace(joined, others={part.path.name: path.track for part, path in paths if path.track != joined.track})
+    joined = join_paths([path for _, path in named_paths])
+    # Parts that are read from another track than most of the estimates.
+    other_tracks = {name: path.track for name, path in named_paths if path.track != joined.track}
+    return replace(joined, others=other_tracks)
 
 
 def _accepted(folder: Path) -> list[RunFolder]:

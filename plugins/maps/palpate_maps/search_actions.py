@@ -141,18 +141,23 @@ class ActionGrid:
     def _line(
         self, row: NDArray[np.intp], gain: Gain, travel: Floats, through: NDArray[np.bool_]
     ) -> SearchAction | None:
-        """Return the best line along a row; None where none goes through one of some nodes (m,)."""
+        """Return the best line along a row; None where none goes through one of some nodes (m,).
+
+        A line goes from one node of the row to another, far enough for the motion; its worth is its gain in a second,
+        with the travel [s] to the end of it that is nearer in time. Of a long row every second node is an end.
+        """
         along = lengths_along(self.nodes, row)
         step = float(np.hypot(*(self.nodes[row[1], :2] - self.nodes[row[0], :2])))
-        fewest = max(int(np.ceil(self.motion.shortest / step - _ROUNDING)), 1)
+        min_steps = max(int(np.ceil(self.motion.shortest / step - _ROUNDING)), 1)
         stride = 2 if len(row) > _LONG_ROW else 1
         best: SearchAction | None = None
-        for first in range(0, len(row) - fewest, stride):
-            last = np.arange(first + fewest, len(row), stride)
-            crosses = np.logical_or.accumulate(through[row[first:]])[fewest::stride]
+        for first in range(0, len(row) - min_steps, stride):
+            last = np.arange(first + min_steps, len(row), stride)
+            crosses = np.logical_or.accumulate(through[row[first:]])[min_steps::stride]
             if not crosses.any():
                 continue
-            gains = np.where(crosses, gain.lines(row[first:])[fewest::stride], -np.inf)
+            # Gain and duration of the lines from this place to each of the last ones.
+            gains = np.where(crosses, gain.lines(row[first:])[min_steps::stride], -np.inf)
             way_there = np.minimum(travel[row[first]], travel[row[last]])
             seconds = self.motion.seconds_along(along[last] - along[first]) + way_there
             # Of the lines from this place the best, begun at the end that is nearer in time.

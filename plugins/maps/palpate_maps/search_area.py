@@ -79,10 +79,12 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     allows = _AllowedPlaces(pipeline, motion, box)
 
     def skin_at(place: Floats) -> Floats:
+        """Return places (n, 3) [m] on the skin below places (n, 2) [m]."""
         if surface is not None:
             return surface_points(surface, place).position
         return np.column_stack([place, motion.surface.at(*known[:1].T)[0]])
 
+    # The nodes of a grid over the box that may be visited.
     grid, cells = _grid(box)
     allowed = allows(grid)
     if not allowed.any():
@@ -93,6 +95,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
         nodes = grid[allowed]
         share = 1.0 if unbounded else len(nodes) / len(grid)
         return Area(nodes=nodes, cells=cells[allowed], bounded_by=bounded_by, _allows=allows, share=share)
+    # Over a surface the nodes are laid on it, and shares are those of its area.
     points = surface.uppermost(grid)
     share = skin_share(points, allowed, 0.0 if unbounded else 1.0)
     skin = SearchSkin.at(surface, points, allowed)
@@ -172,11 +175,11 @@ def _why_nothing(pipeline: Pipeline, box: Box, bounded_by: str, skin_at: Callabl
     name = "--area" if bounded_by == "--area" else f"the area, {bounded_by}"
     limits = pipeline.safety
     if limits is not None:
-        (left, front, *_), (right, rear, *_) = limits.low, limits.high
-        if x1 < left or x0 > right or y1 < front or y0 > rear:
+        is_beside = x1 < limits.low[0] or x0 > limits.high[0]
+        if is_beside or y1 < limits.low[1] or y0 > limits.high[1]:
             low, high = 1e3 * np.array(limits.low), 1e3 * np.array(limits.high)
-            within = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
-            return f"{name}: {text} lies outside of the workspace of [safety], {within}"
+            workspace = f"x {low[0]:g} to {high[0]:g} mm, y {low[1]:g} to {high[1]:g} mm"
+            return f"{name}: {text} lies outside of the workspace of [safety], {workspace}"
     # Inside of the workspace it is a device that refuses its middle, or the depth of the press.
     try:
         ask_devices(pipeline.devices, _still(skin_at(np.array([[(x0 + x1) / 2, (y0 + y1) / 2]]))))

@@ -199,6 +199,7 @@ def _sentences(pairs: list[RunPair], maps: list[RunMap]) -> list[str]:
     """Return by what E_n is, where it is largest, and what all places have in common."""
     lines = []
     for pair in pairs:
+        # The place of the largest E_n, and the scatter of one map: that of a difference over sqrt(2).
         agreement = pair.agreement
         row = int(abs(agreement.e_n).argmax())
         place = ", ".join(f"{1e3 * coordinate:.1f}" for coordinate in agreement.place[row])

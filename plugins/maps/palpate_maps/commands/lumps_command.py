@@ -132,23 +132,27 @@ def compare(
     for runs in (baseline, suspect):
         sites = sites_of(drop_rejected(runs), track, parameter)
         groups.append(by_place(sites) if test == "prediction" else np.array([value for _, value in sites]))
-    least, least_suspects = _MIN_GROUPS[test]
-    if len(groups[0]) < least or len(groups[1]) < least_suspects:
-        raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")
+    baseline_values, suspect_values = groups
+    min_baselines, min_suspects = _MIN_GROUPS[test]
+    if len(baseline_values) < min_baselines or len(suspect_values) < min_suspects:
+        raise ConfigurationError(
+            f"--baseline: {len(baseline_values)} sites are too few for {test}; {min_baselines} are needed"
+        )
     if test == "welch":
-        comparison = maps.welch(groups[0], groups[1])
+        comparison = maps.welch(baseline_values, suspect_values)
         typer.echo(
             "welch takes the scatter of repeats for the scatter between sites: many false alarms where sites differ",
             err=as_json,
         )
     else:
-        comparison = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
+        # Several suspect sites are one value, their geometric mean.
+        comparison = maps.against_sites(baseline_values, float(np.exp(np.log(suspect_values).mean())))
     if as_json:
         answer = {"contrast": comparison.contrast, "p": comparison.p, "test": comparison.test}
-        typer.echo(json.dumps({**answer, "baseline": len(groups[0])}, indent=2))
+        typer.echo(json.dumps({**answer, "baseline": len(baseline_values)}, indent=2))
         return
     contrast = f"contrast {100 * comparison.contrast:+.2f} %, p = {comparison.p:.2g}"
-    typer.echo(f"{contrast} ({comparison.test}, {len(groups[0])} baseline)")
+    typer.echo(f"{contrast} ({comparison.test}, {len(baseline_values)} baseline)")
 
 
 def _refuse_both(baseline: list[Path], suspect: list[Path]) -> None:
