@@ -61,7 +61,7 @@ def _draw_blocks(residuals: Floats, block_length: int, random: np.random.Generat
     n = len(residuals)
     starts = random.integers(0, n, -(-n // block_length))
     rows = (starts[:, None] + np.arange(block_length)).ravel()[:n] % n
-    return residuals[rows]
+    return np.asarray(residuals[rows])
 
 
 def _spread(estimates: Floats, confidence: float) -> dict[str, Any]:

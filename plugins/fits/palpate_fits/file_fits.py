@@ -217,6 +217,7 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
     rows, folder, part_registry = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
     kinds = pipeline_counts(folder, (row["curve"] for row in rows if not row.get("error")))
+    # What was fitted, and what was assumed of it.
     print_line(title_line(rows[0]["curve"] if len(rows) == 1 else f"{len(rows)} files"))
     facts = fact_line(kinds or [(pipeline, len(rows))], [row_motion(row) for row in rows])
     for line in (*filled(facts), *_columns_lines(fitted.groups)):
@@ -229,11 +230,14 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
         details=asked.details,
         advice=_advice(asked.sources, len(rows)),
     )
-    for line in _law_lines(fitted) if len(rows) == 1 else ():
-        print_line(line)
+    # Other laws for a single file, what is a guess, and commands that go on from here.
+    if len(rows) == 1:
+        for line in _law_lines(fitted):
+            print_line(line)
     _show_guesses(fitted.groups, asked.details)
     for line in _page_lines(fitted, files):
         print_line(line)
+    # Groups and pairs of files, and how many have which verdict.
     if fitted.named:
         console().print(group_table(rows, fitted.named, pipeline).view())
     show_pairs(fitted.pairs)

@@ -88,20 +88,28 @@ def _residual_flags(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[Flag]
 
 
 def _identifiability_flags(evaluated: FitWithUncertainty, total: Floats) -> Iterator[Flag]:
-    """Yield the flags of unknowns without an effect, of pairs that are hard to distinguish, and of useless values."""
+    """Yield the flags of unknowns without an effect, of pairs that are hard to distinguish, and of useless values.
+
+    `total` has the standard uncertainties (P,) of all parameters.
+    """
     for name in evaluated.identifiability["without_effect"]:
         yield Flag("not-identifiable", f"{name} has no effect on the force in this record")
     # With a correlation of 0.9, from which on a pair is listed, a value is 2.3 times better known where the skin is.
-    fitted = [pair for pair in evaluated.identifiability["pairs"] if pair["both_fitted"]]
-    of_skin = {name for pair in fitted if "surface" in (names := {pair["first"], pair["second"]}) for name in names}
-    for pair in fitted:
+    fitted_pairs = [pair for pair in evaluated.identifiability["pairs"] if pair["both_fitted"]]
+    helped_by_skin: set[str] = set()
+    for pair in fitted_pairs:
+        names = {pair["first"], pair["second"]}
+        if "surface" in names:
+            helped_by_skin |= names
+    for pair in fitted_pairs:
         if abs(pair["correlation"]) > INDISTINCT:
             text = f"{pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
-            remedy = _STATE_SKIN if of_skin & {pair["first"], pair["second"]} else ""
+            remedy = _STATE_SKIN if helped_by_skin & {pair["first"], pair["second"]} else ""
             yield Flag("hard-to-tell-apart", text, effects={}, remedy=remedy)
+    # An elastic value that is less certain than a share of it.
     estimate = evaluated.fit.solution.x.tolist()
     for parameter, value, std in zip(evaluated.fit.problem.model.parameters, estimate, total.tolist(), strict=False):
         if parameter.role == "elastic" and std > _USELESS_STD * abs(value):
-            number, uncertainty = (number_with_unit(size, parameter.unit) for size in (value, std))
-            remedy = _STATE_SKIN if parameter.name in of_skin else ""
+            number, uncertainty = number_with_unit(value, parameter.unit), number_with_unit(std, parameter.unit)
+            remedy = _STATE_SKIN if parameter.name in helped_by_skin else ""
             yield Flag("not-identifiable", f"{parameter.name} of {number} has a std of {uncertainty}", remedy=remedy)

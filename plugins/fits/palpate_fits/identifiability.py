@@ -25,21 +25,25 @@ def identifiability(square: Floats, names: list[str], free: int) -> dict[str, An
     without_effect = [name for name, length in zip(names[:free], lengths.tolist(), strict=False) if length == 0]
     lengths[lengths == 0] = 1.0
     scaled = square / (lengths[:, None] * lengths)
+    # Pairs of fitted unknowns, then each fitted one with a cause that was not fitted.
     pairs = []
     correlation = correlations(scaled[:free, :free])
-    # Pairs of fitted unknowns, then each fitted one with a cause that was not fitted.
     for i, j in combinations(range(free), 2):
-        pairs.append((names[i], names[j], float(correlation[i, j]), True))
-    for other in range(free, len(names)):
-        rows = [*range(free), other]
+        pairs.append(_pair(names[i], names[j], correlation[i, j], both_fitted=True))
+    for cause in range(free, len(names)):
+        rows = [*range(free), cause]
         extended = correlations(scaled[np.ix_(rows, rows)])
-        pairs += [(names[i], names[other], float(extended[i, -1]), False) for i in range(free)]
-    pairs = [pair for pair in pairs if abs(pair[2]) >= _LISTED_CORRELATION]
-    pairs.sort(key=lambda pair: -abs(pair[2]))
-    return {
-        "pairs": [{"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs],
-        "without_effect": without_effect,
-    }
+        for i in range(free):
+            pairs.append(_pair(names[i], names[cause], extended[i, -1], both_fitted=False))
+    # Those that are listed, the closest first.
+    listed = [pair for pair in pairs if abs(pair["correlation"]) >= _LISTED_CORRELATION]
+    listed.sort(key=lambda pair: -abs(pair["correlation"]))
+    return {"pairs": listed, "without_effect": without_effect}
+
+
+def _pair(first: str, second: str, correlation: float, both_fitted: bool) -> dict[str, Any]:
+    """Return a pair of unknowns as ``result.json`` has it."""
+    return {"first": first, "second": second, "correlation": float(correlation), "both_fitted": both_fitted}
 
 
 def condition(jacobian: Floats) -> dict[str, Any]:

@@ -148,22 +148,23 @@ def make_record(
     where that is more, and never over more than a thousandth of all heights.
     """
     height, rate, acceleration, force, time, weight = columns
-    n, history = len(height), None
-    if remembers:
-        history = _history(time, height if smooth is None else smooth[0], rate)
-    centred = time - 0.5 * (time[0] + time[-1]) if n else time
-    noise = noise_of(height, time) if n > 3 else 0.0  # of third differences
-    widest = _TRANSITION_SHARE * max(float(np.ptp(height)), _MIN_TRAVEL)
-    transition = widest if travel is None else min(widest, max(_TRANSITION_SHARE * travel, noise))
+    n = len(height)
+    history_height, window = (height, 1) if smooth is None else smooth
+    history = _history(time, history_height, rate) if remembers else None
+    # Third differences, of which the noise is made, need four samples.
+    noise = noise_of(height, time) if n > 3 else None
+    transition = _TRANSITION_SHARE * max(float(np.ptp(height)), _MIN_TRAVEL)
+    if travel is not None:
+        transition = min(transition, max(_TRANSITION_SHARE * travel, noise or 0.0))
     return FitRecord(
         height=height,
         rate=rate,
         acceleration=acceleration,
         force=force,
-        time=centred,
+        time=time - 0.5 * (time[0] + time[-1]) if n else time,  # about the middle of the record
         weight=weight,
         transition=transition,
         history=history,
-        window=1 if smooth is None else smooth[1],
-        noise=noise if n > 3 else None,
+        window=window,
+        noise=noise,
     )

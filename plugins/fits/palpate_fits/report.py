@@ -118,8 +118,10 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
     """
     fit, scatter = evaluated.fit, evaluated.scatter
     free, names = list(fit.residual.free), fit.unknowns.names
+    # n log(rss/n): -2 times the logarithm of the likelihood, but for a constant.
     count, n = len(free) + 1, scatter.samples
-    likelihood = n * float(np.log(max(scatter.rss / n, _SMALLEST_VARIANCE)))
+    deviance = n * float(np.log(max(scatter.rss / n, _SMALLEST_VARIANCE)))
+    # The deepest fitted sample, from which the depth is counted.
     record, used = fit.record, fit.record.used
     lowest = float(np.min(record.height, where=used, initial=np.inf))
     details = {
@@ -136,8 +138,8 @@ def _details(evaluated: FitWithUncertainty, total: Floats) -> dict[str, Any]:
         "rss": scatter.rss,
         "rms": float(np.sqrt(scatter.rss / n)),
         "noise": scatter.noise,
-        "aic": likelihood + 2 * count,
-        "bic": likelihood + count * float(np.log(n)),
+        "aic": deviance + 2 * count,
+        "bic": deviance + count * float(np.log(n)),
         "autocorrelation": {
             "first": scatter.first_correlation,
             "time": scatter.correlation_time,

@@ -228,6 +228,7 @@ def _next_memory(model: ContactModel, row: Any, x: Any, transition: Any, memory:
     """
     import casadi as ca
 
+    # The depth before and after the interval, and the rate between.
     parameters = ca.vertsplit(x)
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
     current_rate = row[PARTS.index("rate")]

@@ -37,7 +37,11 @@ def parse_segment(text: str) -> tuple[Window, ...]:
 
 
 def _parse_window(part: str, text: str) -> Window:
-    """Return the window of one `part` of a text, such as "0.5 s..2 s"; raises ConfigurationError."""
+    """Return the window of one `part` of a text, a word or two ends such as "0.5 s..2 s" or "depth 0 mm..2 mm".
+
+    Ends without a quantity are times; those of cycles are whole numbers, which may be the same. Raises
+    ConfigurationError.
+    """
     if part in WORDS:
         return Window(part)
     quantity = next((name for name in _KINDS if part.startswith(name)), "time")
@@ -45,16 +49,20 @@ def _parse_window(part: str, text: str) -> Window:
     if not (begin and dots and end):
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is not one of {_ALLOWED}")
     try:
-        if quantity == "cycles":
-            low, high = float(int(begin)), float(int(end))
-        else:
-            unit = "m" if quantity == "depth" else "s"
-            low, high = (to_si(float(m) if is_number(m) else m, unit) for m in (begin, end))
+        low, high = _window_end(begin, quantity), _window_end(end, quantity)
     except ValueError as error:
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {error}") from error
-    if low >= high and not (quantity == "cycles" and low == high):
+    is_one_cycle = quantity == "cycles" and low == high
+    if low >= high and not is_one_cycle:
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is empty, it ends before it begins")
     return Window(quantity, low, high)
+
+
+def _window_end(text: str, quantity: str) -> float:
+    """Return an end of a window, a cycle, a depth [m] or a time [s]; raises ValueError for another text."""
+    if quantity == "cycles":
+        return float(int(text))
+    return to_si(float(text) if is_number(text) else text, "m" if quantity == "depth" else "s")
 
 
 @dataclass(frozen=True)

@@ -104,14 +104,15 @@ def ask_of_rig(facts: FileFacts, groups: Sequence[FileGroup], ask: Ask) -> State
     open.
     """
     stated = facts.stated
-    of_curves = [facts.of(curve.name) for group in groups for curve in group.curves]
-    open_keys = [key for key in facts_stated().values() if any(_is_open(of_curve, key) for of_curve in of_curves)]
+    # Keys that are open for one curve at least.
+    curve_facts = [facts.of(curve.name) for group in groups for curve in group.curves]
+    open_keys = [key for key in facts_stated().values() if any(_is_open(item, key) for item in curve_facts)]
     if not open_keys:
         return stated
-    asked = [fact for fact in _open_facts(facts, groups) if fact.key in open_keys][:_MAX_QUESTIONS]
-    for fact in asked:
+    questions = [fact for fact in _open_facts(facts, groups) if fact.key in open_keys][:_MAX_QUESTIONS]
+    for fact in questions:
         stated = ask_fact(stated, fact.key, f"not known; {fact.effect}", ask)
-    unanswered = [fact.key for fact in asked if getattr(stated.facts, fact.key) is None]
+    unanswered = [fact.key for fact in questions if getattr(stated.facts, fact.key) is None]
     return stated.answered(not_known=(*stated.facts.not_known, *unanswered)) if unanswered else stated
 
 

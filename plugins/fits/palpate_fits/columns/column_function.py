@@ -132,26 +132,29 @@ def with_roots(function: Any) -> Any:
     constants: dict[int, float] = {}  # of registers that hold one
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
-        arguments, targets = function.instruction_input(k), function.instruction_output(k)
         name = names[code]
+        arguments, targets = function.instruction_input(k), function.instruction_output(k)
         if name == "OP_OUTPUT":
             outputs[targets[0]][targets[1]] = registers[arguments[0]]
             continue
-        register = targets[0]
-        constant = float(function.instruction_constant(k)) if name == "OP_CONST" else None
-        if constant is not None:
-            registers[register] = casadi.SX(constant)
+        # The value of the register by the operation's kind; the exponent of a power is its second argument.
+        constant = None
+        if name == "OP_CONST":
+            constant = float(function.instruction_constant(k))
+            value = casadi.SX(constant)
         elif name == "OP_INPUT":
-            registers[register] = inputs[arguments[0]][arguments[1]]
+            value = inputs[arguments[0]][arguments[1]]
         elif name in ("OP_POW", "OP_CONSTPOW") and _is_half_integer(constants.get(arguments[1])):
-            registers[register] = _half_integer_power(registers[arguments[0]], constants[arguments[1]])
+            value = _half_integer_power(registers[arguments[0]], exponent=constants[arguments[1]])
         elif len(arguments) == 1:
-            registers[register] = casadi.SX.unary(code, registers[arguments[0]])
+            value = casadi.SX.unary(code, registers[arguments[0]])
         else:
-            registers[register] = casadi.SX.binary(code, *(registers[argument] for argument in arguments))
-        constants.pop(register, None)
+            value = casadi.SX.binary(code, *(registers[argument] for argument in arguments))
+        registers[targets[0]] = value
+        # A register that is written again holds its constant no longer.
+        constants.pop(targets[0], None)
         if constant is not None:
-            constants[register] = constant
+            constants[targets[0]] = constant
     return casadi.Function(function.name(), inputs, [casadi.densify(output) for output in outputs], {"cse": True})
 
 
