@@ -60,16 +60,19 @@ def kinematic_recursion(
     count = len(problem.model.parameters)
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
-        # The last group is for a restart.
+        """Return the settings of the step, with the noises that were measured in place of the stated ones."""
+        # The last groups are for a restart: first depth and chart, and their standard deviations.
         start = [settings.start_depth, *process.on_chart(guess.tolist(), math.log)]
         std = [2.0 * settings.start_depth, *([settings.start_spread] * count)]
         return np.array([*noises(settings, force_std, velocity_std), *start, *std])
 
     def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
+        """Return the state of a stretch, and whether it resumes the last one; see `Recursion.begin`."""
         if carry.state is not None:
             return resumed_state(process, carry, first)
         return fresh_state(settings, process, guess, first, patient)
 
+    # At a given state the force is linearised once.
     iterations = settings.iterations if known is None else 1
     step = kinematic_step(
         process, iterations=iterations, student=settings.student, with_state=with_state, linearised=known is not None

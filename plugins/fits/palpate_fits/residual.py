@@ -44,8 +44,10 @@ def reading(
     d = surface - height, force [N] and time t [s]. The depth at t - tau is d - tau d' + tau^2/2 d''. The `transition`
     is the length eps [m] over which contact sets in (`smooth_depth`), `memory` holds the internal states of a model.
     """
-    theta, (surface, bias, slope, mass, delay) = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS) :]
+    theta = parameters[: -len(EXTRAS)]
+    surface, bias, slope, mass, delay = parameters[-len(EXTRAS) :]
     height, rate, acceleration, _, time = row[: PARTS.index("time") + 1]
+    # Depth and rate at t - tau.
     depth = surface - height - delay * rate + 0.5 * delay * delay * acceleration
     delayed_rate = rate - delay * acceleration
     if model.adhesive:  # an adhesive contact pulls below depth 0 and breaks at once, which has no gradual form

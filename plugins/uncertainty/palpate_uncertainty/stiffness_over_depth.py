@@ -36,6 +36,7 @@ def stiffness_over_depth(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagno
 
 def _table(track: TrackEvidence) -> dict[str, Any]:
     """Return `parameter`, `depth` (4,) [m], `values` and `std` (3,) [SI]; empty for another motion or law."""
+    # A law of one modulus without memory, on a press or a ramp: an oscillation sees all depths at once.
     elastic = [i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic"]
     rows = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
     depth = (track.surface - track.kept.position)[rows]
@@ -44,6 +45,7 @@ def _table(track: TrackEvidence) -> dict[str, Any]:
     modulus = float(track.values[elastic[0]])
     if not modulus or oscillation(track.kept.time[rows], track.kept.position[rows]) is not None:
         return {}
+    # The modulus on each part of the depth.
     edges = [part * float(np.max(depth)) for part in EDGES]
     slopes = _slopes(track, rows, edges, modulus)
     if not slopes:

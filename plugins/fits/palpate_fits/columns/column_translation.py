@@ -72,10 +72,12 @@ class ColumnTranslation(Translation):
         pairs = [(i, j) for i in range(width) for j in range(i, width)]
 
         def add_four(index: Any, totals: Sequence[Any]) -> list[Any]:
+            """Return the totals of all pairs with the products of four samples, each in its lane."""
             y = self._outputs(index)
             return [b.fadd(total, b.fmul(y[i], y[j])) for total, (i, j) in zip(totals, pairs, strict=True)]
 
         def add_one(index: Any, _: Sequence[Any]) -> list[Any]:
+            """Add the products of one sample to its lane of the stored sums."""
             y, lane = self._outputs(index), b.sub(index, whole)
             for k, (i, j) in enumerate(pairs):
                 address = b.gep(sums, [b.add(integer(k * LANES), lane)])

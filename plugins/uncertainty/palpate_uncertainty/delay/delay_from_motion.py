@@ -128,6 +128,7 @@ def _compare_laws(track: TrackEvidence) -> _LawComparison:
 
 def _judge_delay(track: TrackEvidence) -> Diagnosed:
     """Return the delay of a track's force by all laws, and what it does to the values."""
+    # The spread of the values over the laws that describe the record as well.
     laws = _compare_laws(track)
     names = [parameter.name for parameter in track.model.parameters]
     spread = laws.spread(np.array([fit.values - laws.model_fit.values for fit in laws.plausible_fits]))
@@ -139,6 +140,7 @@ def _judge_delay(track: TrackEvidence) -> Diagnosed:
         terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
         flag = Flag("self-timed", f"the delay of the force, by law: {_by_law(laws)}", effects=terms)
         return Diagnosed((flag,), terms, table=table, known=_DETERMINED_FACTS)
+    # A delay that the estimator does not know is a bias of its values.
     biases = _biases_without_delay(laws, names, spread)
     correction = _corrected_values(track, biases)
     text = f"the motion determines the delay of the force, by law: {_by_law(laws)}{correction}"
