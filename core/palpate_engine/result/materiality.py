@@ -83,7 +83,7 @@ def weigh(
 
 @dataclass(frozen=True)
 class _WeighedFlag:
-    """A flag with the names of the values that it moves, which are none of a note."""
+    """A flag in words, with its size; a note moves no value."""
 
     flag: Flag
     largest_ratio: float  # of its effects, in uncertainties of a value

@@ -86,7 +86,7 @@ class RiseWatch:
         return self._quiet(joined) or self._flat(time, way, place, commanded)
 
     def _forget(self) -> None:
-        """Begin anew where nothing is touched."""
+        """Forget the readings and ways of a contact that is over."""
         self._ways.clear()
         self._rows.clear()
         self._count, self._sum = 0, 0.0
