@@ -25,7 +25,7 @@ class _View(NamedTuple):
     sign: float  # of the normal along that axis of a triangle that looks at the viewer
 
 
-class _Layer(NamedTuple):
+class _MapLayer(NamedTuple):
     """A quantity that is drawn: numbers (n,) of the vertices, with label, colour map and limits of the colours."""
 
     values: Floats
@@ -74,7 +74,7 @@ def surface_map_figure(
     return figure
 
 
-def _layers(surface_map: SurfaceMap) -> tuple[_Layer, _Layer]:
+def _layers(surface_map: SurfaceMap) -> tuple[_MapLayer, _MapLayer]:
     """Return the value in its display unit, and its relative standard deviation [%]."""
     unit, factor = display_unit(surface_map.unit)
     low, high = surface_map.limits
@@ -82,12 +82,12 @@ def _layers(surface_map: SurfaceMap) -> tuple[_Layer, _Layer]:
     share = 100 * surface_map.std / surface_map.value
     share_limits = (float(share.min()), float(share.max()) * (1 + _TOP_MARGIN))
     return (
-        _Layer(factor * surface_map.value, label, "viridis", (factor * low, factor * high)),
-        _Layer(share, "standard deviation [%]", "magma", share_limits),
+        _MapLayer(factor * surface_map.value, label, "viridis", (factor * low, factor * high)),
+        _MapLayer(share, "standard deviation [%]", "magma", share_limits),
     )
 
 
-def _draw(axis: Any, surface_map: SurfaceMap, layer: _Layer, view: _View) -> Any:
+def _draw(axis: Any, surface_map: SurfaceMap, layer: _MapLayer, view: _View) -> Any:
     """Draw the triangles that look at the viewer, the nearest last, and return them."""
     from matplotlib.collections import PolyCollection
 

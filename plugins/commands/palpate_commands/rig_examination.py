@@ -170,7 +170,7 @@ def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iter
     if len(intervals) < _MIN_INTERVALS:
         yield Finding("bad", name, f"sent only {len(stamps)} readings")
         return
-    # The mean rate beside the nominal one, and the longest pause.
+    # The mean rate, compared with the nominal one, and the longest pause.
     rate, longest = 1.0 / float(intervals.mean()), float(intervals.max())
     is_nominal = stream.rate is None or abs(rate / stream.rate - 1.0) < _RATE_TOLERANCE
     remark = "" if is_nominal else f" (nominally {stream.rate:g} Hz)"

@@ -14,7 +14,7 @@ _PREFIX = "systematic_"  # of the keys of a parameter that hold what one source 
 
 
 @dataclass(frozen=True)
-class _Source:
+class _BudgetSource:
     """A source of uncertainty: its standard deviation [unit], None where none is declared, and its effects by
     parameter."""
 
@@ -39,27 +39,27 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def _listed_sources(table: Mapping[str, Any]) -> Iterator[_Source]:
+def _listed_sources(table: Mapping[str, Any]) -> Iterator[_BudgetSource]:
     """Yield the sources in the budget of a track."""
     for row in table.get("budget", ()):
-        yield _Source(row["source"], row["std"], row["unit"], row["effects"])
+        yield _BudgetSource(row["source"], row["std"], row["unit"], row["effects"])
 
 
-def _unlisted_sources(table: Mapping[str, Any]) -> Iterator[_Source]:
+def _unlisted_sources(table: Mapping[str, Any]) -> Iterator[_BudgetSource]:
     """Yield the sources that have a systematic term in a parameter, and no row in the budget of the track."""
     # A row may have a note behind the name, such as "tip-mass (not declared)".
     listed = {row["source"].partition(" ")[0].replace("-", "_") for row in table.get("budget", ())}
-    sources: dict[str, _Source] = {}
+    sources: dict[str, _BudgetSource] = {}
     for parameter, value in table["parameters"].items():
         for key, contribution in value.items():
             name = key.removeprefix(_PREFIX)
             if key.startswith(_PREFIX) and contribution is not None and name not in listed:
-                source = sources.setdefault(name, _Source(name.replace("_", "-")))
+                source = sources.setdefault(name, _BudgetSource(name.replace("_", "-")))
                 source.effects[parameter] = {"contribution": contribution}
     yield from sources.values()
 
 
-def _cells(source: _Source, parameters: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _cells(source: _BudgetSource, parameters: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return text of the contribution of a source, and its share of the combined variance [%], by parameter."""
     cells = {}
     for name, value in parameters.items():

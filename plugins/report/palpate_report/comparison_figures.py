@@ -13,7 +13,7 @@ from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
 from palpate_report.group_numbers import MIN_SITE_DISTANCE, GroupRun, number_of, numbers_of
 from palpate_report.run_verdict import LEVELS
 
-_COLOURS = 7  # of the style, C0 to C6; groups beyond begin anew
+_COLOURS = 7  # of the style, C0 to C6; further groups repeat them
 _MARKS = "osD^vPX"  # one for each colour, so that groups differ in grey, too
 _MEAN_OVERHANG = 0.3  # of the line of a mean beyond the first and the last run, whose distance is 1: a choice
 _MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
@@ -55,7 +55,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
 def _numbered_values(
     runs: Sequence[GroupRun], numbers: Sequence[int], level: str, track: str, parameter: str
 ) -> Floats:
-    """Return number, value and combined uncertainty [SI], 0 where there is none, of the runs of one level (n, 3).
+    """Return number, value and combined uncertainty [SI] (0 if unknown) of the runs of one level (n, 3).
 
     `numbers` are those of the group's runs, counted from 1; runs without a value are left out.
     """

@@ -161,7 +161,7 @@ def _statistics(
 ) -> dict[str, Any]:
     """Return the row of a group: mean, scatter, stated uncertainty (rms) and their ratio, of a parameter [unit].
 
-    Of fewer than two values there is no scatter.
+    The scatter needs two values.
     """
     values, combined = numbers_of(runs, group, track, parameter)
     symbol, factor = display_unit(unit)

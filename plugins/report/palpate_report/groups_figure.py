@@ -110,7 +110,7 @@ def _label_groups(axis: Any, labels: list[str], width: float) -> None:
 
 
 def _csv(comparison: GroupComparison, parameter: str, unit: str) -> str:
-    """Return a row for each unit [SI], with mean and interval of its group; a cell is empty where there is none."""
+    """Return a row for each unit [SI], with mean and interval of its group; an unknown number is an empty cell."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     unit_suffix = f" [{unit}]" if unit else ""
