@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from palpate_kit.logs.topic_suggestion import suggestion_for
-from palpate_logs.rosbag2_replay import Rosbag2Replay
+from palpate_logs.rosbag2_replay import Rosbag2Replay, _open_bag
 from palpate_ros2 import domain_survey
 
 from tests.records.bags import press, transforms_message, wrench_message, write_bag
@@ -18,7 +18,7 @@ def test_touch_of_a_live_run_is_not_by_the_noise_of_the_record(tmp_path, monkeyp
     topics = [("/wrench", "geometry_msgs/msg/WrenchStamped", wrench), ("/tf", "tf2_msgs/msg/TFMessage", moved)]
     file = write_bag(tmp_path / "live.db3", topics)
     assert Rosbag2Replay.suggest(file, {}).alignment["touch_force"] == "noise"
-    container = Rosbag2Replay._opened(file)
+    container = _open_bag(file)
     assert suggestion_for(container, Path("x"), "ros2", {}).alignment["touch_force"] == "noise"
     monkeypatch.setattr(domain_survey, "snapshot_at", lambda address: container)
     live = domain_survey.address_of("ros2://0").suggest({})

@@ -61,7 +61,7 @@ def _lines_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement
 
 
 @dataclass(frozen=True)
-class _Panel:
+class _SitePanel:
     """A quantity at places, seen from above."""
 
     title: str
@@ -94,22 +94,24 @@ def _areas_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement
     return figure
 
 
-def _value_panels(series: Mapping[str, Sites], label: str, unit: str) -> list[_Panel]:
+def _value_panels(series: Mapping[str, Sites], label: str, unit: str) -> list[_SitePanel]:
     """Return a panel of the values [display unit] of each raster; their scales end at the extremes of all rasters."""
     name, factor = display_unit(unit)
     values = np.concatenate([factor * sites.value for sites in series.values()])
     limits = values.min(), values.max()
     panels = []
     for run, sites in series.items():
-        panels.append(_Panel(run, sites.place, factor * sites.value, f"{label} [{name}]", "viridis", limits, _SITE_DOT))
+        panels.append(
+            _SitePanel(run, sites.place, factor * sites.value, f"{label} [{name}]", "viridis", limits, _SITE_DOT)
+        )
     return panels
 
 
-def _score_panels(pairs: Mapping[str, MapAgreement]) -> list[_Panel]:
+def _score_panels(pairs: Mapping[str, MapAgreement]) -> list[_SitePanel]:
     """Return a panel of E_n of each pair of rasters."""
     limits = -_MAX_SHOWN_SCORE, _MAX_SHOWN_SCORE
     panels = []
     for pair, agreement in pairs.items():
         title = f"{pair}: p {agreement.p:.2g}"
-        panels.append(_Panel(title, agreement.place, agreement.e_n, "E_n", "RdBu_r", limits, _SCORE_DOT))
+        panels.append(_SitePanel(title, agreement.place, agreement.e_n, "E_n", "RdBu_r", limits, _SCORE_DOT))
     return panels

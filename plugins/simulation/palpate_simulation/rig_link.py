@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from palpate import (
@@ -26,12 +25,10 @@ from palpate_records.prefetch import ahead
 from palpate_simulation.sensor_wrench import sensed_wrench
 from palpate_simulation.series_compliance import motion_behind_spring
 from palpate_simulation.simulated_arm import PositionLoop, TrackedMotion
+from palpate_simulation.simulated_rig_settings import SimulatedRigSettings
 from palpate_simulation.simulated_tool import SimulatedTool
 from palpate_simulation.skin_contact import SkinContact
 from palpate_simulation.skin_under_tip import SkinUnderTip
-
-if TYPE_CHECKING:
-    from palpate_simulation.simulated_rig import SimulatedRig
 
 NS_PER_SECOND = 1_000_000_000
 BATCHES_AHEAD = 8  # that a thread makes before they are taken (a choice: memory for time)
@@ -52,7 +49,7 @@ class TrackedPath:
 class RigLink:
     """A simulated rig at work (an Arm)."""
 
-    def __init__(self, settings: SimulatedRig, seed: int) -> None:
+    def __init__(self, settings: SimulatedRigSettings, seed: int) -> None:
         self._settings = settings
         generators = [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(5)]
         self._force_rng, self._position_rng, self._velocity_rng, self._control_rng, self._unrest_rng = generators
