@@ -141,8 +141,8 @@ class AreaSearch:
     def _remainder(self, sites: Sites) -> Hiding:
         """Return the patches that remain apart from known lumps and likely patches, which it takes up one by one.
 
-        The sites are taken without the rise by the bodies of known lumps, whose flanks are not patches. A patch that two
-        points or passes have checked is known by its odds, though no p-value calls it a lump.
+        The sites are taken without the rise by the bodies of known lumps, whose flanks are not patches. A patch that
+        two points or passes have checked is known by its odds, though no p-value calls it a lump.
         """
         self._visits = sites.place
         bodies = [body for item in self.lumps for body in item.lump.bodies]
