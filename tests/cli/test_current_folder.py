@@ -108,6 +108,18 @@ def test_a_pool_of_a_program_in_python(traps):
     assert (dict(os.environ), sys.path) == (before, path)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "threads"), [(None, "1"), ("3", "3")])
+def test_a_process_of_a_pool_has_one_thread_of_linear_algebra(monkeypatch, stated, threads):
+    """Also where a program in Python starts it, whose own environment stays as it was."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if stated:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", stated)
+    with process_pool(1) as pool:
+        assert pool.submit(os.getenv, "OPENBLAS_NUM_THREADS").result() == threads
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == stated
+
+
 @pytest.mark.parametrize("before", [None, "1"])
 def test_the_environment_is_put_back(monkeypatch, before):
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
