@@ -56,17 +56,21 @@ class ArmDevice(ArmSettings):
             child.close()
 
     def _task(self, identity: Mapping[str, str], observe: bool) -> dict[str, Any]:
-        """Return what its process needs, as plain data."""
+        """Return the task of the process that runs the arm's driver, as plain data.
+
+        `identity` is the arm's maker, model and number; `observe` is True where nothing is to move.
+        """
         from palpate_kit.acquisition.class_place import class_place
 
         model = self.arm_model
-        sound = {"sound_status": dict(self.status_channels), "stop_modes": None}
+        # What the controller reports while all is well, and while it holds the arm.
+        status_settings = {"sound_status": dict(self.status_channels), "stop_modes": None}
         if (modes := self.stop_modes) is not None:
-            sound["stop_modes"] = asdict(modes)
+            status_settings["stop_modes"] = asdict(modes)
         limits = {key: getattr(self, key) for key in ("joint_speed", "tracking", "deadband", "links_low", "links_high")}
         return {
             "driver": class_place(self.driver()),
-            "settings": {**sound, **self.driver_settings(identity, observe)},
+            "settings": {**status_settings, **self.driver_settings(identity, observe)},
             "arm_model": None if model is None else model.model_dump(),
             "tool": matrix_of([*self.tcp, *(self.tcp_rotation or (0.0, 0.0, 0.0))]).ravel().tolist(),
             "joints": len(self.joint_names),

@@ -27,14 +27,16 @@ LOOSER_BELOW = ("low", "stiffness", "latency", "sensor_delay", "standstill")
 def apply_bases(source: Source) -> None:
     """Put the tables of the files that ``[run] base`` names below those of a source, which keep their own keys.
 
-    Later files win key by key; lists are replaced whole, and so is a table of another `type`. Raises ConfigurationError
-    for a file that cannot be read, is its own base, or holds more than a rig.
+    Later files win key by key; lists are replaced whole, and so is a table of another `type`. The source is changed in
+    place. Raises ConfigurationError for a file that cannot be read, is its own base, or holds more than a rig.
     """
     run = source.tables.get("run")
     if not isinstance(run, dict) or "base" not in run:
         return
+    # The tables of the bases, and ``file:line`` of each of their keys.
     tables, origins = _tables_of_bases(source, (source.path.resolve(),))
     run.pop("base")
+    # What the bases state of safety is kept: a source may narrow it, and not widen it.
     source.base_safety = dict(tables.get("safety", {}))
     _merge(tables, over=source.tables, head=(), origins=origins)
     source.tables.clear()

@@ -23,13 +23,13 @@ def third_party_versions(pipeline: Pipeline) -> dict[str, str]:
         pipeline.sinks,
         pipeline.twins,
     )
-    classes = {type(part) for parts in kinds for top in parts.values() for part in _parts_in(top)}
-    plugins = {
-        entry.plugin
-        for part in classes
-        for entry in pipeline.registry.parts[part.kind].values()
-        if entry.is_of(part) and not entry.plugin.own and not entry.plugin.is_file
-    }
+    # The classes of all parts, those within others included, then the plugins of others that these classes are of.
+    part_classes = {type(part) for parts in kinds for top in parts.values() for part in _parts_in(top)}
+    plugins = set()
+    for part_class in part_classes:
+        for entry in pipeline.registry.parts[part_class.kind].values():
+            if entry.is_of(part_class) and not entry.plugin.own and not entry.plugin.is_file:
+                plugins.add(entry.plugin)
     return {plugin.distribution: plugin.version for plugin in sorted(plugins, key=lambda plugin: plugin.name)}
 
 

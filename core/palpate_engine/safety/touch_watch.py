@@ -127,8 +127,10 @@ class TouchWatch:
     def _excess(self, time: float, count: int, total: float, way: float, place: Sequence[float]) -> str | None:
         """Return by how much the force exceeds that of the stiffest material at this depth, in a sentence; else None.
 
-        At the first reading of a touch its place is kept, and its slope once enough of it has come.
+        `count` new readings have the sum `total` [N]; the tip is at a `place` (3,) [m], after a `way` [m] inwards. At
+        the first reading of a touch its place is kept, and its slope once enough of it has come.
         """
+        # The contact that was felt, and what force and material may be where the sensor is sound.
         contact, sound = self._contact, self._sound
         if self._foot is None:
             assert contact.foot is not None
@@ -147,7 +149,8 @@ class TouchWatch:
         # A skin may rise by as much as the tip goes across it. On the way out a force never exceeds that on the way in.
         depth = max(deepest for _, deepest in self._lately) - self._first_way
         depth = max(depth + self._lateral, 0.0) + _SIGNIFICANT * sound.position_std
-        # F <= K d + 2 F0, with what the zero may be off by.
+        # F <= K d + 2 F0 (0470), F0 the force that counts as contact: 5 standard errors and what inertia makes. The
+        # zero may be off as well.
         limit = sound.stiffness * depth + max(2.0 * contact.threshold, _MIN_EXCESS) + self._shift(time)
         if contact.mean <= limit:
             return None

@@ -177,6 +177,7 @@ def _track_cells(outcome: RecordOutcome, name: str) -> Row:
     cells |= {f"{key}_verdict": value.verdict or "" for key, value in named_values(track).items()}
     cells |= _diagnosis_cells(track)
     cells |= {"conditions": "; ".join(_condition_entries(track)), "needs": " ".join(_needed_facts(track))}
+    # The flags in sentences, as in the table of results.
     findings = track_row(track, name, of_record=outcome.result.flags).findings
     cells |= {"findings": " | ".join(finding.cell for finding in findings)}
     cells |= {"verdict": track.verdict, "samples": str(track.samples)}

@@ -134,7 +134,7 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
     # Wide characters have one of two sizes, and mostly only one of them fills the message.
     layouts: list[MessageLayout] = []
     first_error: LogError | None = None
-    order = "<" if message[1] % 2 else ">"
+    order = "<" if message[1] % 2 else ">"  # an odd encapsulation is little-endian
     for wide_size in _WIDE_SIZES:
         walker = _Walker(definitions, type_name, message, order, wide_size)
         try:

@@ -58,7 +58,8 @@ def encoding_of(path: Path) -> str:
         head = file.read(_PROBE_SIZE)
     for mark, encoding in _BYTE_ORDER_MARKS:
         if head.startswith(mark):
-            # A mark within the text is damage, which the reader of UTF-8 reports.
+            # A mark within the text is damage, which the reader of UTF-8 reports. Looked at is what follows the mark
+            # (2 or 3 bytes), without the last byte, which may be half a character.
             has_other_marks = "\ufeff" in head[2:-1].decode(encoding.removesuffix("-sig"), "ignore")
             return "utf-8" if has_other_marks else encoding
     # UTF-16 without a mark: the upper byte of each character is zero.

@@ -122,7 +122,10 @@ def _tip_words(tables: dict[str, Any]) -> str:
 
 
 async def exported(desk: Desk, message: page_messages.Question) -> dict[str, Any]:
-    """Return the answer of a command: statistics of groups, a comparison of models, or the last lines of an export."""
+    """Return the message to the page of an open folder (a desk) that answers its question.
+
+    It holds the JSON of a command, statistics of groups or a comparison of models, or the last lines of an export.
+    """
     if isinstance(message, page_messages.GroupsQuestion):
         action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
         statistics = json.loads(await _output(action, desk))

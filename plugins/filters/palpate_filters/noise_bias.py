@@ -101,14 +101,18 @@ def _motion(track: TrackEvidence, rows: Any) -> Floats:
 
 
 def _kinematic_bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
-    """Return the predicted bias (k,) of a kinematic filter or smoother over consecutive rows of the kept samples."""
+    """Return the predicted bias (k,) of a kinematic filter or smoother over consecutive rows of the kept samples.
+
+    It follows from the motion (depth, rate, acceleration) and from standard deviations: the `real` ones of force [N],
+    position [m] and velocity [m/s], and those that the filter has `assumed`, with its jerk.
+    """
     kept, settings = track.kept, track.estimator
     assert isinstance(settings, KinematicSettings)
     assert track.tip_mass
-    measured_force, measured_velocity = noise_of(kept.force[rows]), noise_of(kept.velocity[rows])
-    real = np.array([measured_force, noise_of(kept.position[rows]), measured_velocity])
+    force_noise, velocity_noise = noise_of(kept.force[rows]), noise_of(kept.velocity[rows])
+    real = np.array([force_noise, noise_of(kept.position[rows]), velocity_noise])
     # The filter's own belief: stated in its settings, or measured before the contact.
-    assumed_force, assumed_velocity = settings.declared_noise or (measured_force, measured_velocity)
+    assumed_force, assumed_velocity = settings.declared_noise or (force_noise, velocity_noise)
     assumed = np.array([assumed_force, settings.position_std, assumed_velocity, settings.jerk])
     motion = _motion(track, rows)
     if isinstance(settings, KinematicSmoother) and settings.relinearisations(track.model):

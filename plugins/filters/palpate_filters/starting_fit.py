@@ -112,7 +112,8 @@ def fit_start(
     misfit, theta, bias = solve(record.columns(surface))
     variance = misfit / (len(force) - len(fitted) - 1)
 
-    # The window must determine each fitted parameter, and find it positive.
+    # The window must determine each fitted parameter, and find it positive. The design's columns are the slopes of the
+    # force by the surface, and by each fitted parameter.
     design = record.design(surface, theta)
     scale = np.linalg.norm(design, axis=0)
     if not (np.isfinite(design).all() and (scale > 0).all()):

@@ -22,9 +22,12 @@ _MIN_SHARE = 0.5  # of a narrow lump's height, below which a track does not foll
 def lumps_of_run(
     run: Path, path: Path2D, sites: Sites, settings: LumpSettings | None = None, places: Places | None = None
 ) -> Findings:
-    """Return the lumps of a run's sites, and what its track excludes by its own response; raises LogError.
+    """Return the lumps of a run's sites, and the lumps that the exam excludes: those it would have found.
 
-    A track that lags, by its verdict or by its response, excludes nothing, and its lumps are doubtful.
+    A track responds to a narrow lump with a part of its height, and late; its response is that of the run's own track,
+    and says what would have been found. A track that lags, by its verdict or since it shows less than half of a narrow
+    lump, excludes nothing, and its lumps are doubtful. `places` are those of the area at which lumps are excluded.
+    Raises LogError for a run without sites.
     """
     response = track_response(run, path.track, path.parameter)
     settings = replace(

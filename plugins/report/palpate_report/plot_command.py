@@ -68,7 +68,11 @@ def _draw_run(
     run: Path, record: RunContents, names: Sequence[str], tracks: Sequence[str],
     endings: list[str], width: float, folder: Path,
 ) -> None:  # fmt: skip
-    """Draw pictures of a run, by default all that it has; raises ConfigurationError for one that it does not have."""
+    """Draw pictures of a run into a folder, by default all that it has.
+
+    Each is `width` [mm] wide, and written once with each of the `endings` (".png", ...). Raises ConfigurationError for
+    a picture or track that the run does not have.
+    """
     from palpate_report.figure_subject import Subject
     from palpate_report.run_figures import PICTURES, draw
     from palpate_report.run_report import subject_of

@@ -62,7 +62,11 @@ def press_motion(
     measuring: Sequence[tuple[float, float]],
     surface: NominalHeight,
 ) -> PlannedMotion:
-    """Return the motion that touches the skin at given times while it moves along a path."""
+    """Return the motion that touches the skin at given times while it moves along a path.
+
+    `x` and `y` are the knots of the path, `measuring` the intervals [s] whose samples are estimated from. Between two
+    touches the tip is `press.clearance` above the surface; during one it presses by `press.bias`, with the sine on top.
+    """
     return PlannedMotion(
         duration=touches[-1].end + press.transfer,
         x=through(x),

@@ -46,7 +46,8 @@ def whiteness_tests(values: Floats, runs: Runs, depth: Floats, phase: Floats | N
     `runs` (n,) numbers the stretches without a gap, `depth` (n,) is any number that rises with the depth, `phase` (n,)
     [rad] that of the oscillation, None without one. The whitened values are clipped at 6 standard deviations. Tested
     are their memory, their means over 20 blocks of time and 32 phases, and their signs over 10 parts of the depth, each
-    block or part with as many samples (0110).
+    block or part with as many samples (decision 0110). Each pattern has a share of the variance, the largest of which
+    is the misfit; the share by depth is that of the values, whose test by signs no outlier decides.
     p is 1 for less than 200 values.
     Sources: Bartlett 1946; Ljung and Box 1978; Holm 1979.
     """
@@ -74,7 +75,7 @@ def whiteness_tests(values: Floats, runs: Runs, depth: Floats, phase: Floats | N
         phase_bins = np.floor(phase[has_past] / (2 * np.pi) * PHASES).astype(int) % PHASES
         tests["phase"], patterns["phase"] = _means(white, phase_bins, PHASES, null.excess)
     p = min(1.0, len(tests) * min(tests.values()))
-    # The sum over 32 phases, a chi square, has the standard deviation sqrt(2 * 32).
+    # Two standard deviations of the share by phase: the sum over 32 phases, a chi square, has that of sqrt(2 * 32).
     chance = 2.0 * float(np.sqrt(2.0 * PHASES)) * null.excess / n
     return WhitenessTest(p=p, tests=tests, misfit=max(patterns.values()), chance=chance, null=null.source)
 

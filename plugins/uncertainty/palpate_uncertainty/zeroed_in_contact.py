@@ -49,9 +49,10 @@ def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
 
 
 def _shifts_without(track: TrackEvidence, height: float) -> Floats | None:
-    """Return what the values (k,) change by once the force at a height [m] is in the zero; None where that is unknown.
+    """Return the shifts of the values (k,) if the force was zeroed while the tip pressed at a height [m].
 
-    The zero is the model's force there, and the model is fitted to the force with that zero: a fixed point, by secants.
+    The zero is then the force of the model at that height, and the model is fitted to the readings with that zero
+    added: a fixed point, found by secants. None where no sample is judged, or the iterations do not settle.
     """
     course = make_course(track, judged_rows(track))
     if not course.used.any():

@@ -102,7 +102,10 @@ def _refuse(pipeline: Pipeline, track: str) -> None:
 def _write_files(
     folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vectors, file: Path, track: str
 ) -> None:
-    """Write all files of the folder; raises ConfigurationError where C has no counterpart of an instruction."""
+    """Write all files of the folder of a filter in C; `file` is that of the pipeline which has its track.
+
+    Raises ConfigurationError where C has no counterpart of an instruction.
+    """
     settings = pipeline.alignment
     title = f"{track} of {file.name}"
     # Numbers of the C code that its user may change; a tare or a touch that is measured has no number here.

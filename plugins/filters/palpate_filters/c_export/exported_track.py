@@ -111,8 +111,13 @@ def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedT
 def _kinematic(
     settings: KinematicFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
 ) -> ExportedTrack:
-    """Return a kinematic filter for C: the settings of its step, those of its start, its layouts."""
+    """Return a kinematic filter for C: the settings of its step, those of its start, its layouts.
+
+    Its state has the parameters in a chart, by their logarithms. `fitted` are the indexes of the model's parameters
+    that the fit of the start determines.
+    """
     process = kinematic_process(settings, problem)
+    # The settings of a step are one vector: the noises, then depth and parameters of a restart with their deviations.
     step_settings = tracker.recursion.settings(_NOISE_AS_STATED, _NOISE_AS_STATED)
     k = len(problem.model.parameters)
     places = Layout(noises=len(_NOISES), depth=1, chart=k, depth_std=1, chart_std=k)

@@ -49,6 +49,7 @@ def lumps(
         raise ConfigurationError(f'--method: {method!r} is not one of "prominence" and "cusum"')
     drop_rejected([run])
     with progress(f"lumps of {run.resolve().name}"):
+        # Estimates along the way of the tip, and sites: means over each stay, or each millimetre of a sweep.
         path = maps.read_path(run, track, parameter)
         sites, skin = maps.sites_along(path), maps.surface_of_run(run, surface)
         # A sweep is searched along its line, an area on its surface.
