@@ -90,7 +90,9 @@ def test_a_file_that_was_zeroed_in_contact_has_the_right_value_and_says_where_th
     assert abs(value["value"] - truth) < 2 * value["combined"]
     assert track["parameters"]["viscosity"]["verdict"] == "not determined"
     if record is at_a_trigger:  # the other's zero is known to what does not matter
-        assert "found with the surface" in {one["fact"]: one["message"] for one in track["conditions"]}["tare"]
+        # A condition is left out where twice its uncertainty, which is part of that of the fit, moves E by less than u.
+        messages = {condition["fact"]: condition["message"] for condition in track["conditions"]}
+        assert "found with the surface" in messages.get("tare", "") or 2 * value["std"] < value["combined"]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_kit.curves.alike_logs import specimens_of
+from palpate_kit.curves.curve_table import rows_of_fits
 from palpate_logs import AfmReplay
 from palpate_logs.curve_file import curve_file
 from palpate_logs.jpk_curves import segment_kinds
@@ -40,7 +41,7 @@ def fitted(palpate):
 
     def fit(source, folder, *options):
         code = palpate("fit", source, *TIP, "--out", folder, *options).returncode
-        return table(folder / "fits.csv"), code
+        return [row for _, row in rows_of_fits(folder / "fits.csv")], code
 
     return fit
 

@@ -14,6 +14,7 @@ from palpate import ConfigurationError, Floats, LogError
 _UNKNOWN_TOLERANCE = 1e-8  # of the ratio of variances (choice)
 _LIKELIHOOD_TOLERANCE = 1e-12  # of the likelihood (choice)
 _UPPER_PROBABILITY = 0.975  # of Student's t at the upper end of a 95 % interval
+_NO_FIT = "--mixed: the model cannot be fitted to these values: do the curves of a unit scatter at all?"
 
 
 class MixedDifference(NamedTuple):
@@ -82,6 +83,9 @@ def _fitted_model(groups: Mapping[str, Mapping[str, Floats]]) -> _FittedModel:
         for values_of_unit in units.values():
             group_numbers.append(i)
             unit_values.append(values_of_unit)
+    # Without scatter within any unit the noise is zero and the likelihood has no bound.
+    if all(np.ptp(values_of_unit) == 0.0 for values_of_unit in unit_values):
+        raise LogError(_NO_FIT)
     values = np.concatenate(unit_values)
     counts = [len(values_of_unit) for values_of_unit in unit_values]
     scale = float(values.std()) or 1.0
@@ -95,6 +99,6 @@ def _fitted_model(groups: Mapping[str, Mapping[str, Floats]]) -> _FittedModel:
         except np.linalg.LinAlgError:
             fit = None
     if fit is None or not fit.converged:
-        raise LogError("--mixed: the model cannot be fitted to these values: do the curves of a unit scatter at all?")
+        raise LogError(_NO_FIT)
     covariance = np.asarray(fit.cov_params())[: len(groups), : len(groups)]
     return _FittedModel(np.asarray(fit.fe_params), covariance, scale)

@@ -153,7 +153,8 @@ class PageServer:
             code = self._process.wait(_END_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            code = self._process.wait()
+            self._process.wait()
+            code = 0  # ended from here
         # The thread that listens ends with the socket.
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
@@ -169,7 +170,7 @@ class PageServer:
         if exit_code > 0:
             reason = printable(error_lines[-1]) if error_lines else f"exit code {exit_code}"
             return f"the {self.served.name} ended early: {reason}"
-        if self.lost is not None:
+        if self.lost is not None or exit_code < 0:  # by a signal
             return f"the {self.served.name} was ended from outside; the run did not wait for it"
         if self.dropped:
             share = f"{self.dropped} of {self.sent + self.dropped} messages were not shown"
