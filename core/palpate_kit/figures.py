@@ -24,6 +24,8 @@ _SHOWN_QUANTILES = (0.01, 0.99)  # of the values, that are within the axes
 _MARGIN, _MIN_MARGIN = 0.4, 0.02  # of the range, and of the largest value, outside these
 _SMALLEST_MARGIN = 1e-30  # [as the values], of curves that are 0
 _QUARTILES = (0.25, 0.5, 0.75)
+_ROW_HEIGHT = 55.0  # [mm] of a row of panels, unless another is given
+_BINS = 40  # of a curve of quartiles, unless another number is given
 _DATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
 
 
@@ -50,7 +52,7 @@ def _settings() -> Any:
         return matplotlib.rc_params_from_file(path, use_default_template=False)
 
 
-def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:
+def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = _ROW_HEIGHT) -> Any:
     """Return a figure of a width [mm] and its axes (rows, columns), each row of a height [mm]; call it in `style`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -72,7 +74,7 @@ def legend_outside(axes: Any, columns: int = 3) -> None:
 
 
 def force_unit(size: float) -> tuple[str, float]:
-    """Return the unit in which forces of a size [N] show their digits, and how many of it one newton is.
+    """Return the unit in which a force of a size [N] is a number of 0.1 to 100, and how many of it one newton is.
 
     >>> force_unit(0.02)
     ('mN', 1000.0)
@@ -90,8 +92,9 @@ def label_forces(axis: Any, words: str) -> None:
 def common_limits(curves: Sequence[Floats], settled_from: float = 0.5) -> tuple[float, float] | None:
     """Return limits of axes for curves of one quantity, by their later parts; a curve far from most others is cut off.
 
-    What an estimator does in its first moments, and one that has diverged, so flatten nothing. `settled_from` is the
-    share of a curve at its begin that does not count. None without a number.
+    So neither the first moments of an estimator nor one that has diverged flatten the others. `settled_from` is the
+    share of a curve at its begin that does not count. The limits are quantiles of the others with a margin. None
+    without a number.
     """
     finite_curves = [values[np.isfinite(values)] for values in curves]
     settled = [values[int(settled_from * len(values)) :] for values in finite_curves if len(values)]
@@ -108,7 +111,7 @@ def common_limits(curves: Sequence[Floats], settled_from: float = 0.5) -> tuple[
     return low - margin, high + margin
 
 
-def quartiles(x: Floats, y: Floats, bins: int = 40) -> tuple[Floats, Floats]:
+def quartiles(x: Floats, y: Floats, bins: int = _BINS) -> tuple[Floats, Floats]:
     """Return medians (b,) of bins of x with equally many points, and quartiles and median of y in each (3, b).
 
     For points that would be a hairball as a curve, such as residuals over depth.

@@ -45,10 +45,14 @@ class Child:
     def __init__(
         self, name: str, role: str, module: str, settings: dict[str, Any], columns: int, hint: str = ""
     ) -> None:
-        """Start the process with a ring of `columns`; `hint` is a clause on what a sudden end means."""
+        """Start the process of a `role` ("robot", "sensor") that runs a module with `settings` for it (JSON).
+
+        Its readings are in a ring in shared memory, in rows of so many `columns`; all other messages pass a socket.
+        `hint` is a clause on what a sudden end means.
+        """
         self.name = name
         self._hint = hint  # what a sudden end means
-        ours, theirs = socket.socketpair()
+        ours, theirs = socket.socketpair()  # the ends of the parent and of the child
         memory = shared_memory(ring_size(columns))
         try:
             self._process = host().start(role, module, (theirs.fileno(), memory), json.dumps(settings))
@@ -81,7 +85,7 @@ class Child:
         return messages
 
     def _receive(self, timeout: float = 0.0) -> None:
-        """Take what the child has sent from the socket, and lose none of it."""
+        """Take all lines of JSON that the child has sent, after a wait of at most `timeout` [s]; keep a part of one."""
         with contextlib.suppress(ConnectionError):
             while clock().wait([self._socket], timeout):
                 timeout = 0.0

@@ -32,7 +32,12 @@ class ClockMap:
         self._every = _EVERY
 
     def to_host(self, device: NDArray[np.int64], received: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the host time [ns] (n,) of device time-stamps [ns] (n,) received at host times [ns] (n,)."""
+        """Return the host time [ns] (n,) of device time-stamps [ns] (n,) received at host times [ns] (n,).
+
+        It is the stamp plus an offset: the smallest difference (received - stamp) so far, since transport only adds
+        delay. The offset may rise by 200 ppm of the time that passes. It is held less the first difference, as a small
+        float.
+        """
         mapped = np.empty(len(device), np.int64)
         for i, (stamp, arrival) in enumerate(zip(device.tolist(), received.tolist(), strict=True)):
             if self._offset is None:
@@ -46,6 +51,7 @@ class ClockMap:
             if self._last is not None and host <= self._last and is_new:
                 host = self._last + 1
             mapped[i] = self._last = host
+            # The range of the offset, and points of the map, without the first second, in which it settles.
             if stamp - self._began > _SECOND:
                 self._bounds = [min(self._bounds[0], self._offset), max(self._bounds[1], self._offset)]
                 if not self._kept or stamp - self._kept[-1][0] >= self._every:

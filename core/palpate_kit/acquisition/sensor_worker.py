@@ -66,7 +66,9 @@ def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, sch
 def _read(line: Any, ring: Ring, parent: Parent, reader: SensorReader, silence: float) -> None:
     """Write the readings of a line into the ring until the parent goes or says so.
 
-    Raises DeviceError where the sensor falls silent, or a reading has another number of values than its streams.
+    A row of the ring is the host time of arrival [ns], the sensor's own stamp, and the values. The ring's head has the
+    counts of the reader, such as of damaged frames. `silence` is in s. Raises DeviceError where the sensor falls
+    silent, or a reading has another number of values than its streams.
     """
     descriptor, last = line.fileno(), clock().now_ns()
     while not parent.gone:

@@ -60,7 +60,7 @@ class SimulatedProcess:
             self.returncode = code
             if self._closed is not None:
                 self._closed()
-            os.close(int(self._arguments[1]))
+            os.close(int(self._arguments[1]))  # the descriptor of its shared memory
             self._clock.kill(self.name)
 
     def poll(self) -> int | None:

@@ -196,10 +196,11 @@ def at_samples(
     air: bool = False,
     held: frozenset[str] = frozenset(),
 ) -> Along | None:
-    """Return a model without memory along a motion: time [s], depth [m], its rate [m/s] and z'' [m/s^2], (n,) each.
+    """Return the force of a model without memory along a motion, with its derivatives at parameters `values` (k,).
 
-    None where nothing of it is in contact. What is in the air is left out, or with `air` has no force. What is `held`
-    fixed, by name, has no shift.
+    The motion is time [s], depth [m], its rate d' [m/s] and the tip's acceleration z'' [m/s^2], (n,) each. None where
+    no sample is in contact. Samples in the air are left out, or with `air` have no force. Parameters that are `held`
+    fixed, by name, have no shift.
     """
     time, depth, rate, second = motion
     inside = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(second) & (depth > 0)
@@ -213,7 +214,9 @@ def at_samples(
         whole[inside] = column
         return np.asarray(whole[rows])
 
-    # dF/dt = dF/dd d' + dF/dd' d'', and the rate of the depth falls as the tip accelerates upwards: d'' = -z''.
+    # dF/dt = dF/dd d' + dF/dd' d'', and the rate of the depth falls as the tip accelerates upwards: d'' = -z''. What a
+    # robot gives way by is F/k, so that the force changes by `given_way`/k; `stretched` is the change by a scale of
+    # heights, which scales depth and rate.
     force, by_parameter, by_depth, by_rate = force_slopes(model, depth[inside], rate[inside], values.tolist())
     change = by_depth * rate[inside] - by_rate * second[inside]
     return Along(
@@ -232,10 +235,11 @@ def at_samples(
 
 
 def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
-    """Return the sensitivity of a model with memory, by differences, its states carried along.
+    """Return the sensitivity of a model with memory to its parameters `values` (k,), by differences.
 
-    Samples at the ends that have no motion are left out; None where fewer than two of the last have one, or the states
-    change too fast for the samples.
+    Its states are integrated along the whole `tail` of the record; the result is at its `last` samples. Samples at the
+    ends that have no motion are left out; None where fewer than two of the last have one, or the states change too fast
+    for the samples.
     """
     # Of the latest samples, those from the first to the last whose motion is known.
     position, velocity = tail.position[-_MAX_SAMPLES:], tail.velocity[-_MAX_SAMPLES:]

@@ -22,10 +22,11 @@ def answer(jacobian: Floats, error: Floats) -> Floats | None:
 
 
 def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
-    """Return that shift as a function of the error, for many errors of one estimate.
+    """Return the function from an error (n,) of the force [N] to the shift (k + 1,) of parameters and surface.
 
-    A direction in which parameters and surface cannot be distinguished, such as a viscosity and the surface at one
-    speed, has no shift; the others keep theirs.
+    The shift is (J^T J)^-1 J^T f, by the derivatives J (n, k + 1) of the force. None for no more samples than columns,
+    or a column of zeros. A direction in which parameters and surface cannot be distinguished, such as a viscosity and
+    the surface at one speed, has no shift; the others keep theirs.
     """
     if len(jacobian) <= jacobian.shape[1]:
         return None
@@ -35,6 +36,7 @@ def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
     # Sums and a small explicit inverse: the same bits on every run.
     unit = jacobian / scale
     normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
+    # The condition number of J^T J is the square of that of J.
     if np.linalg.cond(normal) > _INDISTINCT**-2:
         inverse = symmetric_inverse(normal, _INDISTINCT**2)
         return lambda error: np.asarray(inverse @ (unit * error[:, None]).sum(axis=0) / scale)

@@ -30,8 +30,9 @@ def systematic_terms(
 ) -> list[Term]:
     """Return the terms of everything that is declared, or has a default.
 
-    What an estimator has `included` is left out, and without a `report` of the alignment what only that states: tare,
-    and directions of a tool that turns.
+    Causes that an estimator has `included` in its own uncertainty are left out, and without a `report` of the alignment
+    those that only it states: tare, and directions of a tool that turns. `timing` is the standard uncertainty of the
+    delay [s].
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
@@ -115,7 +116,8 @@ def _direction_terms(sensitivity: Along, settings: AlignmentSettings, report: Al
 
     A mounting that is off turns the weight's change W since the tare and the share s of the force F across the normal:
     f = u (W + s F). A normal that is off does the latter, is an inclination, and of a motion at an angle b to it depth
-    and rate are off by u tan(b) of themselves: f = u s F + (1 - cos(u)^2.5) F + u tan(b) (dF/dd d + dF/dd' d').
+    and rate are off by u tan(b) of themselves: f = u s F + (1 - cos(u)^2.5) F + u tan(b) (dF/dd d + dF/dd' d'). In the
+    code s is `share`, W `turn`, tan(b) `slope`.
     """
     share = report.sideways.size if report.sideways is not None else 0.0
     turn, slope = (0.0, 0.0) if report.turned is None else (report.turned.turn, report.turned.slope)

@@ -32,9 +32,14 @@ class UncertaintySource:
 
 
 def declared_source(model: ContactModel, name: str, value: Any, other_units: Mapping[str, str]) -> UncertaintySource:
-    """Return a declared source of a model or its readings, or of `other_units`, by name; raises ValueError for none."""
+    """Return the source of uncertainty of a name, with the `value` that declares its standard uncertainty.
+
+    It is a number of the model or its tip, or one of the readings, or of `other_units` (by name), whose value is 1.
+    Raises ValueError for an unknown name, or a value that is not an uncertainty.
+    """
     units = {**READINGS, **other_units}
-    # A number is named by its last key or by its path; of several with one last key the first counts.
+    # A number of a model is (path of keys, value, unit). A number is named by its last key or by its path; of several
+    # with one last key the first counts.
     numbers = {}
     for number_of_model in reversed(numbers_of(model)):
         keys = number_of_model[0]
@@ -58,6 +63,7 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Uncert
     known to 2 degrees, a radius to 5 %, and whether the tip sticks on an inclination is not known.
     """
     sources = []
+    # Scales of the readings, such as `force_scale`, are 1; then the numbers of the model: path of keys, value, unit.
     for name, unit in READINGS.items():
         if name in declared:
             reading_std = declared_std(declared[name], unit)

@@ -40,10 +40,12 @@ class KnowsTruthByPlace(Protocol):
 
 
 def record_rows(pipeline: Pipeline, record: int, measure: str = VALUES) -> list[Row]:
-    """Return a row for each track of a pipeline on its record; one that raises has its reason.
+    """Return a row for each track of a pipeline on its record; the row of a track that cannot start has the reason.
 
+    `record` is the number of the record, `measure` the kind of columns: VALUES has the errors of the values as well.
     Raises PalpateError where the record cannot be read.
     """
+    # Diagnoses and summaries are not compared.
     bare = replace(pipeline, registry=replace(pipeline.registry, diagnoses={}, summaries={}))
     scene: Row = {"scene": pipeline.run.name, "record": record}
     refused = dict[str, str]()
@@ -84,7 +86,7 @@ def _measures(outcome: RecordOutcome, pipeline: Pipeline, name: str, track: Trac
     for value_name, error in _errors(outcome, pipeline, name, track, model).items() if measure == VALUES else ():
         row |= {f"{value_name}_{key}": finite_tree(number) for key, number in error.items()}
     duration = outcome.result.run.get("log_duration") or 0.0
-    first = next(iter(comparison.settling_times.values()), math.nan)
+    first = next(iter(comparison.settling_times.values()), math.nan)  # [s] of the first parameter
     return row | {
         "prediction": finite_tree(comparison.prediction),
         "nis": finite_tree(track.nis),
@@ -102,10 +104,13 @@ def _measures(outcome: RecordOutcome, pipeline: Pipeline, name: str, track: Trac
 def _errors(
     outcome: RecordOutcome, pipeline: Pipeline, name: str, track: TrackResult, model: ContactModel
 ) -> dict[str, dict[str, float]]:
-    """Return value, u, truth, relative error and distance in u by name; along a sweep rms over its samples."""
+    """Return value, combined uncertainty u, truth, relative error, and error in u, of each value by name.
+
+    Along a sweep the errors are rms over its samples.
+    """
     values = {**track.parameters, **{derived.name: derived.found for derived in track.derived}}
     names, truth, usable = chief_names(values), outcome.result.truth, track.usable
-    along = truth_along(pipeline, outcome.samples)
+    along = truth_along(pipeline, outcome.samples)  # by name, (n,) of the samples; None without a sweep
     errors = dict[str, dict[str, float]]()
     for place, value_name in enumerate(values):
         if value_name not in names:

@@ -71,7 +71,7 @@ class ConditionCodes:
         self._codes[entry] = code
 
     def _append(self, entries: Sequence[tuple[str, str]]) -> None:
-        """Append codes with their sentences behind the last whole line of the file, in a single write."""
+        """Append codes with their entries "FACT: SENTENCE" behind the last whole line of the file, in one write."""
         if not entries:
             return
         text = io.StringIO()

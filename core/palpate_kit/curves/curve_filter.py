@@ -74,7 +74,10 @@ def _test_of_term(term: str, folder: FitFolder, codes: set[str]) -> Test:
 
 
 def _word_test(term: str, name: str, value: str, codes: set[str], folder: FitFolder) -> Test:
-    """Return the test of a verdict, condition, flag, mark or state; raises ConfigurationError for an unknown one."""
+    """Return the test of rows for a verdict, condition, flag, mark or state: `name` = `value`, from the word `term`.
+
+    `codes` are those of all flags. Raises ConfigurationError for an unknown name or value.
+    """
     key = folder.symbols.get(name, name)
     if key in folder.values:
         if value not in _VALUE_VERDICTS:

@@ -78,10 +78,10 @@ def value_units(model: ContactModel) -> dict[str, str]:
 
 @lru_cache(_CACHED_SETTINGS)
 def record_tracks(reader: CurveReader, assignments: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
-    """Return the offline tracks of a curve with its own assignments; compiled code is kept from curve to curve.
+    """Return the offline tracks of a curve; compiled code is kept from curve to curve.
 
-    Unless `at_length`, the tracks compute nothing that no column of the table shows. Raises ConfigurationError, which
-    names the files that may state an assignment.
+    `assignments` are settings of this curve alone, as of ``--set``. Unless `at_length`, the tracks compute nothing that
+    no column of the table shows. Raises ConfigurationError, which names the files that may state an assignment.
     """
     source = Source(reader.text, Path(reader.path))
     name_tips(source)

@@ -95,10 +95,11 @@ def add_curves(
 ) -> None:
     """Enter the curves that have a file in the list of a folder, with `more` cells of some; other cells are kept.
 
-    Files are relative to the folder, or to a `base`, so that both can be moved together. Raises LogError, OutputError.
+    `dialect` is the name of the pipeline that reads their files; that of the folder's first one is "". Files are
+    relative to the folder, or to a `base`, so that both can be moved together. Raises LogError, OutputError.
     """
     entries = read_list(folder / LIST)
-    before = {name: dict(cells) for name, cells in entries.items()}
+    before = {name: dict(cells) for name, cells in entries.items()}  # a copy, to see whether anything changes
     for curve in curves:
         if not curve.file:
             continue

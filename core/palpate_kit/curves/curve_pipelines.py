@@ -19,7 +19,8 @@ from palpate_kit.curves.folder_settings import SETTINGS
 def curve_reader(folder: FitFolder, dialect: str = "") -> CurveReader:
     """Return how the curves of a dialect are read and fitted; raises LogError unless one device has a file.
 
-    If that file is gone, the reader overrides it by the first file of a curve of the dialect that exists.
+    A dialect names the curves of a folder whose files one pipeline reads; the first of a folder is "". If that file is
+    gone, the reader overrides it by the first file of a curve of the dialect that exists.
     """
     path, text = folder.path / SETTINGS, folder.settings_text(dialect)
     device, file = _file_device(path, text)

@@ -60,10 +60,11 @@ class FitTable:
     def _write_settings(self, folder: Path, pipeline: Pipeline, device: str, dialect: str) -> None:
         """Write the pipeline of a dialect into the folder, or check that the one that it has is the same.
 
-        Raises OutputError for a folder with other settings, one that holds anything else, and one that cannot be made.
+        A dialect names the curves whose files one pipeline reads, by its `device` of that name. Raises OutputError for
+        a folder with other settings, one that holds anything else, and one that cannot be made.
         """
         text = resolved_text(pipeline, folder)
-        ignored = {*pipeline.registry.tables, *reading_keys(device)}
+        ignored = {*pipeline.registry.tables, *reading_keys(device)}  # tables of analyses, and the place of the curve
         settings = folder / SETTINGS
         # A further dialect is added to the settings; others must be the same as before.
         if dialect and settings.exists() and dialect not in dialects_in(settings):

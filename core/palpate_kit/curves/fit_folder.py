@@ -174,7 +174,10 @@ class FitFolder:
         return self.keys[dialect, settings]
 
     def rows_of(self, curve: str) -> list[CurveRow]:
-        """Return the rows of a curve, or one without cells if it is not fitted yet."""
+        """Return the rows of a curve, one for each track, or one without cells if it is not fitted yet.
+
+        `groups` are its cells of ``curves.csv``; a row is `current` if it was fitted with the present settings.
+        """
         key = self.key(curve)
         return [
             CurveRow(

@@ -23,7 +23,8 @@ def compare_rows(
     """Compare groups of curves by a parameter [SI] of their usable rows, which are of one track.
 
     The groups are the values of the column `by`, in the order of their names; without one all curves are one group.
-    Raises ConfigurationError for an unknown unit.
+    `unit` is the column of the units of replication, `mixed` asks for a mixed model in place of Welch's test. Raises
+    ConfigurationError for an unknown unit.
     """
     groups: dict[str, list[CurveRow]] = {}
     for row in rows:

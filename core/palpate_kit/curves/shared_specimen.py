@@ -91,7 +91,10 @@ _RowsOfTip = tuple[Indenter | None, list[CurveRow]]
 
 
 def _rows_by_tip(folder: FitFolder, curves: Collection[str]) -> dict[tuple[str, str], dict[str, _RowsOfTip]]:
-    """Return the usable rows of some curves with the present settings, by specimen and track, then by tip."""
+    """Return the usable rows of some curves with the present settings, by (specimen, track), then by the tip's text.
+
+    An entry is the tip and its rows.
+    """
     rows_by_specimen: dict[tuple[str, str], dict[str, _RowsOfTip]] = {}
     pipelines: dict[tuple[str, tuple[str, ...]], Pipeline] = {}
     for name in curves:

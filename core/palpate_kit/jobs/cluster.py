@@ -45,7 +45,10 @@ def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
 
 
 def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[tuple[str, Outcome]]:
-    """Yield what workers make of jobs, by their names; run folders are here then."""
+    """Run jobs, by their names, on the workers; yield name and outcome of each once its run folder is here.
+
+    The `url` of a stage is the place through which inputs and runs pass; None where workers see the folder.
+    """
     parcels = (Parcel.of(job) for job in jobs.values())
     if url is None:
         yield from (

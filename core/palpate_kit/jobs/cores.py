@@ -16,7 +16,7 @@ _DEATHS = 3  # processes that a job may take with it: a choice
 
 
 def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[tuple[Job, Outcome]]:
-    """Yield outcomes by the engine of this machine: as many processes as cores.
+    """Run jobs in processes of this machine, by default one for each core; yield each with its outcome.
 
     Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
     jobs that ran at the same time one by one, so that the one that kills its process is known and given up after three.
@@ -44,7 +44,10 @@ def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[t
 
 
 def _pooled(waiting: deque[Job], count: int) -> Generator[tuple[Job, Outcome], None, list[Job]]:
-    """Run what waits, in so many processes, until one of them dies; return the jobs that were running then."""
+    """Run waiting jobs in so many processes until one of these dies; yield each that is done with its outcome.
+
+    Return the jobs that were running then.
+    """
     running: dict[Future[Outcome], Job] = {}
     with process_pool(count) as pool:
         try:

@@ -169,8 +169,9 @@ class Parcel:
 
     @classmethod
     def of(cls, job: Job) -> Parcel:
-        """Return a job, packed; raises ConfigurationError where it cannot be."""
+        """Return a job, packed with its plugin files; raises ConfigurationError where it cannot be pickled."""
         plugins: tuple[Path, ...] = ()
+        # A portable pipeline is built by the worker, a built one is pickled.
         if isinstance(job.plan, PortablePipeline):
             with suppress(UserError):  # which the job, which cannot be done, reports
                 announce(plugin_files(job.plan.source))

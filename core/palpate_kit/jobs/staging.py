@@ -122,8 +122,10 @@ class StagedJob:
 
 
 def run_staged(staged: StagedJob) -> Outcome:
-    """Return what a job comes to on a worker that shares no folder; a run that is whole in the place is brought, not
-    made."""
+    """Run a job on a worker that shares no folder, and put its run folder into the place; return the outcome.
+
+    A run that is whole in the place already is brought from there, and not made again.
+    """
     stage = staged.stage
     try:
         stage.get_inputs(staged.inputs)

@@ -48,7 +48,10 @@ class Watch:
         return frozenset(workers) - self._paused
 
     def look(self, at_once: bool = False) -> None:
-        """Look again where it is time to, or `at_once`; raises UserError as `spread` does."""
+        """Ask the scheduler for its workers where it is time to, or `at_once`; fresh ones must have our versions.
+
+        Raises UserError where nobody has worked for too long, as `spread` does.
+        """
         now = time.monotonic()
         if now < self._next and not at_once:
             return
@@ -87,8 +90,10 @@ class Watch:
 
 
 def demand_alike(client: Any, address: str, only: Collection[str] | None = None) -> Mapping[str, Mapping[str, str]]:
-    """Return what all or some workers are; raises ConfigurationError where one has other versions, or several
-    threads."""
+    """Return the facts of all workers or of `only` some, such as their versions, by their addresses.
+
+    Raises ConfigurationError where one has other versions than this machine, or several threads.
+    """
     this_machine = machine()
     workers: Mapping[str, Mapping[str, str]] = client.run(machine, workers=None if only is None else list(only))
     if not workers:

@@ -52,14 +52,14 @@ def step_function(step: Step) -> Any:
 
 
 def compile_step(step: Step, is_brief: bool = False) -> Kernel:
-    """Return the fastest kernel that this machine has, for a step; all of them give the same bits.
+    """Return the fastest kernel that this machine has for a filter's step; all of them give the same bits.
 
     A brief one runs over some thousand samples once: a large step is then interpreted, which takes less time than
     making machine code of it.
     """
     function = step_function(step)
     is_worth_compiling = not is_brief or function.n_instructions() < _MAX_BRIEF_INSTRUCTIONS
-    if kernel_choice()[0] == "llvm" and is_worth_compiling:
+    if kernel_choice()[0] == "llvm" and is_worth_compiling:  # the name; behind it is the reason
         try:
             return CompiledStep(function)
         except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too

@@ -64,9 +64,10 @@ def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
 
 
 def code_addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
-    """Return a function that says where a function of the machine code is, whether it was made now or kept.
+    """Return the function from a name to the address of that function of the machine code.
 
-    `text` is the serialised CasADi function, `kind` a word for what is made of it.
+    The code is translated now, or was kept on disk by its causes. `text` is the serialised CasADi function, `kind` a
+    word for the kind of code that is made of it.
     """
     import llvmlite.binding as binding
 

@@ -60,7 +60,11 @@ class Translation:
         self._declared: dict[str, Any] = {}
 
     def module(self) -> Any:
-        """Return the LLVM module, with the functions `run` and `single`."""
+        """Return the LLVM module, with the functions `run` and `single`.
+
+        `run` has the arguments count, state (ns,), samples (count, nw), settings, outputs (count, ny). It loops over
+        the samples; each overwrites the state, and writes a row of the outputs.
+        """
         ir = self._ir
         self._module = ir.Module(name="step")
         integer, pointer = ir.IntType(_BITS), self._double.as_pointer()

@@ -22,8 +22,9 @@ class VirtualMachine:
         self._block: _Call | None = None
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
-        """Return the state (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        """Return the state (ns,) after, and outputs (n, ny) of, the samples (n, nw), with `settings` of the step."""
         outputs = np.empty((len(samples), self._single.outputs))
+        # Rows [0, by_block) run a block a call, and a last block may be padded; the others one a call.
         by_block = len(samples) // _BLOCK * _BLOCK
         if len(samples) - by_block >= _MANY:
             by_block = len(samples)
@@ -42,6 +43,7 @@ class _Call:
     """A step over a fixed number of samples, with the memory that CasADi reads from and writes to."""
 
     def __init__(self, step: Any, length: int) -> None:
+        """Prepare a step (state, sample, settings) -> (next state, output) for calls with `length` samples."""
         self.function = step
         states, width, settings = (step.size1_in(i) for i in range(_INPUTS))
         self.outputs = step.size1_out(1)

@@ -93,7 +93,7 @@ class ArmModel(Settings):
 
         Standard: T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i). Modified, after Craig: T_i = Rx(alpha_i) Tx(a_i) Rz(q_i)
         Tz(d_i). A link is all that is between the turns Rz of two joints, and the offset of an angle belongs to the
-        link before it.
+        link before it. `places` are names for messages, of the joints from the third on and of the flange.
         """
         transforms = _modified_transforms if modified else _standard_transforms
         base, *links = transforms(joints, flange)

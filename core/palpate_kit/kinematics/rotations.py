@@ -30,7 +30,7 @@ def rotation_vector(matrix: Floats) -> Floats:
         scale = angle / (2.0 * sine)
         return np.array(((h - f) * scale, (c - g) * scale, (d - b) * scale))
     axis = np.array((h - f, c - g, d - b))
-    if cosine > 0:
+    if cosine > 0:  # a small angle: its sine is the angle
         return 0.5 * axis
     # Near a half turn the antisymmetric part vanishes: take the largest column of R + 1.
     columns = matrix + np.eye(3)

@@ -25,13 +25,13 @@ def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
     robot = _robot(path)
     chain = _chain(robot, path, base, flange)
     turning = [joint for joint in chain if joint.type != "fixed"]
-    limits = [_limits(joint, path) for joint in turning]
+    limits = [_limits(joint, path) for joint in turning]  # least and greatest angle [rad], highest speed [rad/s]
     to_next_axis, links = np.eye(4), list[Floats]()
     # A link of the model is all from one turning axis to the next; fixed joints are part of it.
     for joint in chain:
         to_next_axis = to_next_axis @ (np.eye(4) if joint.origin is None else np.asarray(joint.origin, float))
         if joint.type != "fixed":
-            axis = _axis(joint)
+            axis = _axis(joint)  # the transform that turns z into the joint's axis
             links.append(to_next_axis @ axis)
             to_next_axis = axis.T
     links.append(to_next_axis)

@@ -51,10 +51,10 @@ class WorkFrame(Settings):
 
 
 def agreement(work: WorkFrame, rotation: Floats) -> tuple[float, str]:
-    """Return the angle [rad] between a tool (3, 3) in the base and the frame's, and advice on how to make it smaller.
+    """Return the angle [rad] between a tool's rotation (3, 3) in the robot's base and the one of the work frame.
 
-    Of all turns around its axis the one by atan2(R_yx - R_xy, R_xx + R_yy) brings the frame's tool nearest to this one,
-    R the rotation from the frame's tool without a turn to it.
+    The second is advice on how to make it smaller. Of all turns around its axis the one by atan2(R_yx - R_xy, R_xx +
+    R_yy) brings the frame's tool nearest to this one, R the rotation from the frame's tool without a turn to it.
     """
     angle = float(np.linalg.norm(rotation_vector(work.tool.T @ rotation)))
     from_unturned = (work.matrix[:3, :3] @ _DOWN).T @ rotation

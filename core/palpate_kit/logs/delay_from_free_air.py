@@ -30,7 +30,8 @@ def air_delay(
 ) -> tuple[float, float, float] | None:
     """Return the delay [s] of the force behind the motion, its standard deviation [s], and the mass [kg].
 
-    Force is positive in contact, position upwards. None if too little of the record is motion in free air.
+    Force is positive in contact, position upwards, with times [s] of their own. By regression of the force on the tip's
+    acceleration and jerk in free air. None if too little of the record is motion in free air.
     """
     grid, (force, position) = evidence.on_grid([force_time, position_time], [force, position])
     step = float(grid[1] - grid[0])

@@ -111,7 +111,8 @@ class Kinematics(Settings):
 def tips(angles: Floats, chain: Sequence[Joint], base: Floats, tool: Floats) -> tuple[Floats, Floats]:
     """Return poses (n, 4, 4) of a tool on a chain of joints at angles (n, k) [rad], and Jacobians (n, 6, k).
 
-    `base` (4, 4) is the pose of the robot's base in the frame of both, `tool` (4, 4) that of the tip on the flange.
+    `base` (4, 4) is the pose of the robot's base in the frame of both, `tool` (4, 4) that of the tip on the flange. The
+    rows of a Jacobian are the tip's velocity x, y, z, then its angular velocity.
     """
     pose: Floats = np.tile(base, (len(angles), 1, 1))
     origins, axes = [], []

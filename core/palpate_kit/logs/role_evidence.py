@@ -106,7 +106,11 @@ class Derivative:
 
 
 def derivative(position: Floats, rate: Floats, step: float) -> Derivative:
-    """Return a column as the derivative of another, by least squares of its means on the other's slopes."""
+    """Return how well a column is the derivative of another: rate = gain x slope, with the share that this explains.
+
+    By least squares of the rate's means on the slopes of the position, over 25 samples to either side; share and gain
+    are 0 for fewer samples than that takes. `step` is the interval of time.
+    """
     if len(position) < _MIN_DERIVATIVE_SAMPLES:
         return Derivative(0.0, 0.0)
     slope = _slope(position, step, _DERIVATIVE_SAMPLES)
@@ -136,9 +140,10 @@ class ContactEvidence:
 
 
 def contact_law(position: Floats, force: Floats) -> ContactEvidence:
-    """Return the law of a column over a position and its rate, by least squares.
+    """Return the law of a column over a position and its rate, by least squares: c0 + c1 z + c2 z^2 + c3 z' + c4 z z'.
 
-    A short record has the correlation alone, which is enough for the sign of the slope.
+    The evidence is the share of the variance that it explains, c1, c2 in standard errors, and the correlation. A short
+    record has the correlation alone, which is enough for the sign of the slope.
     """
     if len(position) < 2 or np.ptp(position) <= 0 or np.ptp(force) <= 0:
         return ContactEvidence(0.0, 0.0, 0.0)
@@ -194,6 +199,7 @@ def rest_level(force: Floats) -> tuple[float, float]:
     tolerance = max(_REST_NOISE * noise(force), _REST_SPAN * float(np.ptp(force)))
     begin = force[: max(len(force) // _BEGIN_PART, _MIN_BEGIN)]
     first_level = float(np.median(begin))
+    # Within the tolerance to either side.
     is_steady = float(np.ptp(begin)) < 2.0 * tolerance
     is_air = is_steady and _ONE_SIDED_RATIO * abs(level) > abs(first_level)
     is_near_zero = _ONE_SIDED_RATIO * abs(first_level) < abs(level)
@@ -229,7 +235,8 @@ def force_sign(force: Floats, law: ContactEvidence) -> Sign:
     if is_bent and not rests:
         is_sure = sigmas > 2 * _BEND_SIGMAS or _one_side(force) == bend_sign
         return Sign(bend_sign, "it grows faster than the depth", is_sure)
-    # Both speak, against each other: a strong bend is believed.
+    # Rest and bend contradict each other: a bend is believed that is three times as significant as it has to be (a
+    # choice, as the two above).
     if sigmas > 3 * _BEND_SIGMAS:  # the rest is one in contact
         return Sign(bend_sign, "it grows faster than the depth", True)
     if is_bent:

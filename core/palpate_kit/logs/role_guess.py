@@ -89,7 +89,11 @@ class RoleSearch:
         self._laws: dict[tuple[int, int], ContactEvidence] = {}
 
     def best_guess(self) -> RoleGuess | None:
-        """Return the best roles; None if no column can be a force or a position."""
+        """Return the columns that are most likely force, position and velocity, with their signs.
+
+        The pair of force and position is that of the best score. None if no column can be a force or a position.
+        Columns are named by their indices.
+        """
         pairs = self._scored_pairs()
         if not pairs:
             return None
@@ -105,7 +109,7 @@ class RoleSearch:
             "position": self._pick("position", position, position_scores, law),
         }
         gain, share = self._gain_and_share(position, velocity)
-        has_witness = self._has_rate(position)
+        has_witness = self._has_rate(position)  # a column that is the derivative of the position
         if velocity is not None:
             rate_scores = {rate: fit.share for (place, rate), fit in self._rates.items() if place == position}
             picks["velocity"] = self._pick("velocity", velocity, rate_scores, None)
@@ -238,8 +242,9 @@ class RoleSearch:
     def _pick(self, role: str, column: int, scores: Mapping[int, float], law: ContactEvidence | None) -> Pick:
         """Return a column as the pick of a role, with the alternatives by their scores.
 
-        It is certain if it is the only candidate and something states its role, or if its score is clearly above that
-        of all others and its law explains the force.
+        `scores` are those of columns in that role, `law` the force over the position (None: it is not asked for). The
+        pick is certain if it is the only candidate and something states its role, or if its score is clearly above that
+        of all others and its law explains the force. A rival is a column of another topic, or of other values.
         """
         series = self._series[column]
         alternatives = self._alternatives(column, scores)

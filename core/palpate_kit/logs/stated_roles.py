@@ -70,7 +70,7 @@ def _last_field(name: str) -> str:
 
 
 def beside(role: str, name: str, columns: Sequence[str]) -> Iterator[tuple[str, str, str | None]]:
-    """Yield signal, column and unit of the columns that belong to that of a role, if all of them exist.
+    """Yield signal, column and unit of the columns that belong to the column `name` of a role, if all of them exist.
 
     They are the other axes of a force, or the pose of a height, by names that end in x, y and z, or in 0 to 5 as a UR
     numbers force and pose. The unit None is that of the role.

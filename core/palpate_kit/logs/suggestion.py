@@ -144,7 +144,8 @@ def length_unit(span: float, tip: Indenter | None = None) -> str:
 def force_unit(force: float, way: float, tip: Indenter | None = None) -> tuple[str, float]:
     """Return the likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean.
 
-    F = 2 E A/(1 - nu^2) with the area A of the tip's profile at that depth, and nu = 0.5.
+    F = 2 E A/(1 - nu^2) with the area A [m^2] of the tip's profile at that depth, and nu = 0.5. A unit is likely if the
+    elasticity lies between those of soft materials; for none it is N.
     """
     depth = max(way, _MIN_DEPTH * _radius(tip))
     # The profile's area of a sphere is 2/3 sqrt(R) d^1.5 (Hertz 1881).

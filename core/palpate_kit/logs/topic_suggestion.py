@@ -112,7 +112,7 @@ def _has_frames(container: Container, topic: str) -> bool:
 
 
 def _frames(container: Container, topic: str) -> Iterator[NumberColumn]:
-    """Yield the height of every child frame of a topic of transforms."""
+    """Yield the height over time of every child frame of a topic of transforms, as columns that could be a position."""
     decoder = decoder_of(container.topics[topic])
     origin = container.span[0] if container.span else 0
     heights: dict[str, list[tuple[Floats, Floats]]] = {}
@@ -196,7 +196,8 @@ def _doubt_of_stamps(guess: RoleGuess, spans: Mapping[str, _StampSpan]) -> str |
 def _guess_units(guess: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
     """Replace the units that no message states by those that the range of each number suggests; append the doubt.
 
-    That of the velocity is the one by which it is nearest to the slope of the position.
+    That of the velocity is the one by which it is nearest to the slope of the position; the guess has the ratio of
+    both, as recorded, as its gain.
     """
     picks = guess.picks
     if all(pick.series.unit for role, pick in picks.items() if role != "velocity"):
@@ -242,9 +243,10 @@ def _field(text: str) -> dict[str, Any]:
 
 
 def _topic_tables(container: Container) -> tuple[TopicTables, dict[str, _StampSpan]]:
-    """Return the beginning of every topic that contains numbers, and the stamps of each.
+    """Return the beginning of every topic that contains numbers, and the span of the stamps of each.
 
-    Without topics that palpate computed or commanded, which are not measurements.
+    A table is names of columns, times [s] since the log's begin (n,), and values (n, columns). Without topics that
+    palpate computed or commanded, which are not measurements.
     """
     batches: dict[str, list[Batch]] = {}
     names: dict[str, tuple[str, ...]] = {}

@@ -74,7 +74,7 @@ def _baseline_deviation(approach: Approach) -> Floats:
 
 
 def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> ContactPoint | None:
-    """Return the last crossing of a level [N] on the way down, halfway between two samples.
+    """Return the height of the last crossing of a level [N] on the way down, halfway between two samples.
 
     Its uncertainty is that of a place between two samples, a step over sqrt(12), and of the force's noise [N] over its
     rise. None where the force is never below the level, or only there.
@@ -100,7 +100,11 @@ def _line(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def _gradient_point(approach: Approach) -> ContactPoint | None:
-    """Return the last height above the steepest rise of the binned force at which the rise is below its level."""
+    """Return the last height above the steepest rise of the binned force at which the rise is below its level.
+
+    The level is a tenth of the steepest rise, at least 3 standard deviations of the rise in air. The uncertainty is the
+    width of a bin, and as much of it as the rise in air scatters. None for too few bins, or without such a height.
+    """
     edges, means = bin_force(approach)
     if len(means) < _MIN_BINS:
         return None

@@ -194,7 +194,9 @@ def compare_groups(
 ) -> GroupComparison:
     """Return the comparison of groups of values [SI], each value with the name of its unit of replication.
 
-    Raises ConfigurationError where a mixed model is asked for and no unit has two values, or without statsmodels.
+    By Welch's tests of the means of units, or by one `mixed` model; p is corrected for the number of tests (Holm).
+    `unit` is the word for a unit, as "specimen". Raises ConfigurationError where a mixed model is asked for and no unit
+    has two values, or without statsmodels.
     """
     unit_groups = [_unit_group(name, values) for name, values in groups.items()]
     if mixed and all(group.units == group.curves for group in unit_groups):
@@ -206,7 +208,7 @@ def compare_groups(
     for first, second in combinations(unit_groups, 2):
         numbers = by_model.get((first.name, second.name)) if mixed else _welch(first, second)
         pairs.append(_pair(first, second, numbers))
-    # The corrected p of a pair depends on how many were tested.
+    # The corrected p of a pair depends on how many were tested; the last of a pair's numbers is its p.
     corrected = holm([numbers[-1] for _, numbers in pairs])
     tests = (PairTest(*names, *numbers, p) for (names, numbers), p in zip(pairs, corrected))
     return GroupComparison(unit, tuple(unit_groups), tuple(tests), mixed)

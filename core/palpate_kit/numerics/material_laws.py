@@ -128,7 +128,10 @@ _POWERS = (0.05, 0.2, 0.5)  # of a springpot: nearly a spring, tissue, half a da
 
 
 def _arm_starts(count: int) -> Callable[[float, Floats], list[list[float]]]:
-    """Return a function that spreads arms evenly over the decades of the data, and over those of their inner half."""
+    """Return a function that makes starts for a fit of `count` Maxwell arms, each with a strength and a time.
+
+    Their times are spread evenly over the logarithm of the data's times, and over the inner half of these.
+    """
 
     def starts(level: float, times: Floats) -> list[list[float]]:
         """Return starts by a level and times (n,) [s]: a lasting part, then strength and time of each arm."""

@@ -88,7 +88,7 @@ def _fitted_model(groups: Mapping[str, Mapping[str, Floats]]) -> _FittedModel:
         raise LogError(_NO_FIT)
     values = np.concatenate(unit_values)
     counts = [len(values_of_unit) for values_of_unit in unit_values]
-    scale = float(values.std()) or 1.0
+    scale = float(values.std()) or 1.0  # the model is that of values less their mean, in units of this
     design = np.eye(len(groups))[np.repeat(group_numbers, counts)]  # the mean of each group
     labels = np.repeat(np.arange(len(counts)), counts)  # the unit of each value
     with warnings.catch_warnings():
@@ -100,5 +100,5 @@ def _fitted_model(groups: Mapping[str, Mapping[str, Floats]]) -> _FittedModel:
             fit = None
     if fit is None or not fit.converged:
         raise LogError(_NO_FIT)
-    covariance = np.asarray(fit.cov_params())[: len(groups), : len(groups)]
+    covariance = np.asarray(fit.cov_params())[: len(groups), : len(groups)]  # of the means, without the variances
     return _FittedModel(np.asarray(fit.fe_params), covariance, scale)

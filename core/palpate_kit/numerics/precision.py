@@ -62,7 +62,7 @@ def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:
 
 
 def _single_values(levels: Sequence[Sequence[Floats]]) -> Precision | None:
-    """Return the scatter between groups of one value each."""
+    """Return the precision of groups of one value each: s_R, the scatter between groups, alone; None without two."""
     rows = [np.concatenate(groups) for groups in levels]
     freedom = sum(len(row) - 1 for row in rows)
     if not freedom:
@@ -126,6 +126,7 @@ def repeat_correlation(targets: Sequence[Floats]) -> Correlation | None:
     between = within + size * _between(targets, within)
     if not within > 0.0:
         return Correlation(1.0, 1.0, 1.0) if between > 0 else None
+    # ICC = (F - 1)/(F + n_0 - 1) by the ratio F of the mean squares, whose interval is that of the F distribution.
     ratio, between_freedom = between / within, len(targets) - 1
     low, high = (
         ratio / f.ppf(_UPPER_PROBABILITY, between_freedom, freedom),

@@ -67,11 +67,12 @@ def _least_blurred_motion(
 ) -> TipTravel:
     """Return the motion over at most `width` samples; over fewer where blurring costs a viscosity more than noise does.
 
-    Third differences take a sine of few samples a period for noise, and a window made for that noise flattens it; so
-    does a velocity by central differences, which is left out last of all.
+    `noise` is that of height [m] and velocity [m/s], `speed` [m/s] the rms velocity. Third differences take a sine of
+    few samples a period for noise, and a window made for that noise flattens it; so does a velocity by central
+    differences, which is left out last of all.
     """
     motion = _motion(samples, interval, width, noise)
-    by_position = noise[0], np.inf
+    by_position = noise[0], np.inf  # a velocity of infinite noise has no weight
     sharp_rate = _sharp_rate(samples, interval)
     sharper = [(w, noise) for w in reversed(_widths(width)) if w < width] + [(_SHORTEST, by_position)]
     for narrower, its_noise in sharper:
@@ -130,9 +131,9 @@ def _width(noise: tuple[float, float], speed: float, interval: float, longest: f
 def rate_kernels(
     noise: tuple[float, float], speed: float, interval: float, channel: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return what `zero_phase_motion` makes of a single height and of a single speed, as kernels of a convolution.
+    """Return the kernels by which `zero_phase_motion` convolves heights and speeds into rate and acceleration.
 
-    Of the rate by heights [1/s] and by speeds, and of the acceleration by heights [1/s^2] and by speeds [1/s].
+    In this order: rate by heights [1/s], rate by speeds [1], acceleration by heights [1/s^2], and by speeds [1/s].
 
     `noise` of height [m] and speed [m/s], usual `speed` [m/s]; without a `channel` a speed is the central difference of
     the heights.
@@ -149,10 +150,11 @@ def rate_kernels(
 
 
 def longest_window(model: ContactModel, depth: float = _REACH) -> float:
-    """Return the window [s] that blurs nothing that a model's states make of a motion to a depth [m], where a search
-    begins.
+    """Return the longest window [s] of a motion's derivatives that does not blur the states of a model.
 
-    States average the rate themselves: its noise bends them less than what is blurred at a touch does.
+    It is ten times the time in which the fastest state forgets, at a fifth of the `depth` [m] (but at most 1 mm), with
+    the parameters at which a search begins; without states the usual longest one. States average the rate themselves:
+    its noise bends them less than what is blurred at a touch does.
     """
     if not model.memory:
         return _LONGEST
@@ -228,6 +230,7 @@ def noise_of(values: Floats, time: Floats | None = None) -> float:
     """
     across = None if time is None else _across_gaps(time)
     total, count = 0.0, 0
+    # n values have n - 3 third differences.
     for start in range(0, max(len(values) - 3, 0), _AT_ONCE):
         differences = third_differences(values[start : start + _AT_ONCE + 3])
         if across is not None and across.any():

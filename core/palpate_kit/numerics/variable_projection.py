@@ -27,9 +27,10 @@ class LinearPart:
 
 
 def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high: Floats | None = None) -> LinearPart:
-    """Return the least squares of target (n,) less columns (n, k), which may differ by many powers of ten in size.
+    """Return the unknowns (k,) that minimise |target - matrix x|^2, with a target (n,) and a matrix (n, k).
 
-    Within bounds (k,), where they are given: by those of the unknowns that are free of them where that is the least.
+    Its columns may differ by many powers of ten in size. With bounds (k,) the unknowns are within these: a quadratic
+    programme if the free minimum is not.
     """
     scale = np.sqrt((matrix**2).sum(axis=0))
     if not (np.isfinite(scale).all() and np.isfinite(target).all()):
@@ -54,7 +55,8 @@ def best_place(
 ) -> tuple[float, float]:
     """Return the ratio and the height of the least squares: on a grid, then on finer ones about the best place of each.
 
-    `ratios` are a geometric series; `squares` are asked with how many grids are left; heights that are `held` stay.
+    `ratios` are a geometric series, `heights` an arithmetic one; heights that are `held` stay. `squares` is the
+    function of ratio, height and the number of grids that are still to come.
     """
     factor, width = float(ratios[1] / ratios[0]), 0.0 if held else float(np.ptp(heights)) / (len(heights) - 1)
     best = (float(ratios[0]), float(heights[0]))

@@ -66,7 +66,11 @@ class FrameDecoder:
         self.skipped = 0  # bytes that belonged to no frame
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that have become whole."""
+        """Return the frames that have become whole with new bytes; count damaged frames and skipped bytes.
+
+        In step with the sensor an intact frame is enough; out of step its stamp must follow that of the last one, or an
+        intact frame be right behind it.
+        """
         buffer = self._bytes
         buffer += data
         frames: list[Frame] = []

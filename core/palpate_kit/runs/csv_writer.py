@@ -62,7 +62,8 @@ def _number_words(numbers: Floats) -> tuple[Words, Words, Words]:
     tables, size = _digit_tables(), np.abs(numbers)
     is_beyond = (size > 10.0**_MAX_EXPONENT) | ((size < 10.0**-_MAX_EXPONENT) & (size > 0))
     size[is_beyond] = 1.0
-    # The decimal exponent: of the least number of this binary exponent, one more beyond the next power of ten.
+    # The decimal exponent: of the least number of this binary exponent, one more beyond the next power of ten. The bits
+    # of a double above its mantissa are the binary exponent.
     exponent = tables.least.take(size.view(np.int64) >> _MANTISSA_BITS)
     exponent += size >= tables.next.take(exponent)
     # Ten digits as a whole number.

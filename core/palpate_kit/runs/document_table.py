@@ -21,7 +21,8 @@ def document_table(document: Mapping[str, Any]) -> ResultTable:
 
 
 def document_row(name: str, track: Mapping[str, Any], record: str = "", duration: float = 0.0) -> ResultRow:
-    """Return the row of a track as it stands in ``result.json``, of a record of a duration [s]."""
+    """Return the row of the table of results of a track, as it stands in ``result.json``; `duration` of its record
+    [s]."""
     estimates = {**track["parameters"], **track.get("derived", {})}
     values = {key: table_value(key, estimate, track["verdict"]) for key, estimate in estimates.items()}
     numbers = {key: value.value for key, value in values.items()}

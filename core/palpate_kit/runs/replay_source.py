@@ -60,6 +60,8 @@ def replay_source(
 ) -> Source:
     """Return the pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
 
+    `carried` is the log with the documents in it; `tracks` choose tracks, `estimators` and `models` add parts by name.
+
     Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
     recording, and, when the source is built, only with consent. Relative paths are those next to the log. Raises
     ConfigurationError where a plugin file is missing or another one, LogError for what is not a pipeline.
@@ -102,7 +104,8 @@ def _drop_foreign_calibration(run: dict[str, Any], log: Path, enclosure: Enclosu
 def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterable[str]) -> Source:
     """Return the pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
 
-    What their channels of the run were late by says nothing of these; such delays are noted in ``[run] assumed``.
+    `choices` are roles such as "force". The delays of the run's own channels do not hold for the other ones, whose
+    delays are noted in ``[run] assumed``.
     """
     source = replay_source(carried)
     tables = source.tables

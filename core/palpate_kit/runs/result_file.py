@@ -117,7 +117,10 @@ def _document(path: Path) -> dict[str, Any]:
 
 
 def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
-    """Return a result's document as this version writes it."""
+    """Return the document of a ``result.json`` in the form of the present schema, whatever version wrote it.
+
+    `place` is its place within the file, for messages. Raises LogError for a newer schema, or another document.
+    """
     if isinstance(document, dict):
         schema = document.get("schema", 1)
         if schema not in range(1, SCHEMA + 1):

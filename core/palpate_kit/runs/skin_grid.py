@@ -32,7 +32,10 @@ def skin_over(surface: Surface, extent: Extent) -> dict[str, Any]:
 
 
 def skin_of_map(surface_map: SurfaceMap, lumps: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a map on a surface with its values, their scale and its lumps, in the units that are shown."""
+    """Return a map on a surface with its values, their scale and its lumps, in the units that are shown.
+
+    The map's vertices are those of a grid over x and y; places of the grid that have no vertex are NaN.
+    """
     name, factor = display_unit(surface_map.unit)
     (x, columns), (y, lines) = (_axis(along, surface_map.faces) for along in surface_map.vertices.T[:2])
     rows = lines, columns

@@ -15,10 +15,10 @@ _ITERATIONS = 4  # of q = p - h n(q): a choice; each takes the error times the h
 
 
 def surface_of_run(run: Path, name: str | None = None) -> Surface | None:
-    """Return the surface of a run's pipeline that is named, along which it was aligned, or that it has; None: it has
-    none.
+    """Return the surface of a run's pipeline: the one that is named, that of its alignment, or its only one.
 
-    Raises ConfigurationError where it has several and none is named, or none of that name.
+    None for a run without a surface. Raises ConfigurationError where it has several and none is named, or none of that
+    name.
     """
     settings = RunFolder(run).settings
     if "surface" not in settings and name is None:

@@ -55,7 +55,7 @@ def surface_map_figure(
     """Draw value and its relative standard deviation from three sides, with sites (n, 3) [m] as dots.
 
     Crosses are lumps x, y, z [m], p; they have number and p in the view from above. With lumps that are excluded, their
-    curve is in a row of its own.
+    curve, contrasts over widths, is in a row of its own. `width` is that of the figure [mm].
     """
     figure, axes = figure_of(3, 3 if excluded else 2, width, _ROW_HEIGHT)
     lump_places = np.array(lumps).reshape(-1, 4)[:, :3]
@@ -88,7 +88,7 @@ def _layers(surface_map: SurfaceMap) -> tuple[_MapLayer, _MapLayer]:
 
 
 def _draw(axis: Any, surface_map: SurfaceMap, layer: _MapLayer, view: _View) -> Any:
-    """Draw the triangles that look at the viewer, the nearest last, and return them."""
+    """Draw the triangles of a map that look at the viewer, the nearest last, coloured by a layer; return them."""
     from matplotlib.collections import PolyCollection
 
     # A triangle looks at the viewer where its normal has that direction.
@@ -97,6 +97,7 @@ def _draw(axis: Any, surface_map: SurfaceMap, layer: _MapLayer, view: _View) -> 
     facing = np.flatnonzero(view.sign * normal[:, view.along] > 0)
     distances = view.sign * corners[facing, :, view.along].mean(axis=1)
     facing = facing[np.argsort(distances, kind="stable")]
+    # Thin edges in the colour of the faces close the seams between triangles.
     collection: Any = PolyCollection
     triangles = collection(
         1e3 * corners[facing][:, :, (view.across, view.up)],

@@ -72,7 +72,10 @@ class Turns:
         del self.actors[threading.get_ident()]
 
     def run(self, actor: Actor, target: Callable[[], Any], registered: Callable[[], None]) -> None:
-        """Be an actor, on a thread of its own, from its first turn to its end."""
+        """Run `target` on this thread as an actor (a simulated thread), from its first turn to its end.
+
+        `registered` is called once the actor is known, before it waits for its turn.
+        """
         self.actors[threading.get_ident()] = actor
         registered()
         actor.turn.acquire()
@@ -162,7 +165,7 @@ class Turns:
                 waiting = ", ".join(sorted(f"{a.process}: {a.name}" for a in self.actors.values()))
                 self._deadlock = f"at {self.now / _SECOND:.6f} s each of these waits for another: {waiting}"
                 return self._main
-            # An entry for a wait that has ended otherwise is void.
+            # An entry of the agenda is time [ns], order, actor, number of its wait; one for an earlier wait is void.
             instant, _, actor, number = heapq.heappop(self._agenda)
             if actor.ended or number != actor.waits:
                 continue

@@ -62,7 +62,7 @@ def value_lines(row: ResultRow, truth: Mapping[str, float], names: Sequence[str]
     unit_width = _width(value.shown_unit for value in values)
     verdict_width = _width(value.word for value in values)
     for value, (number, sign, std) in zip(values, parts, strict=True):
-        # A value without ± among others has blanks in its place.
+        # A value without ± among others has blanks in its place, three of them for " ± ".
         uncertainty = " " * (std_width + 3) if std_width else ""
         if sign:
             uncertainty = f" ± {std.ljust(std_width)}"

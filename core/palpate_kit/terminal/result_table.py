@@ -288,7 +288,10 @@ class ResultTable:
     def _shared(
         self, pairs: Sequence[tuple[ResultFinding, ResultRow]]
     ) -> list[tuple[ResultFinding, list[ResultRow], list[str]]]:
-        """Return findings merged by verdict, code and likeliest cause, with rows and names of values."""
+        """Return findings merged by verdict, code and likeliest cause, with their rows and the names of their values.
+
+        The sizes of a merged finding are the largest of its members; its sentence is that of the first one.
+        """
         groups: dict[tuple[str, str, str], list[tuple[ResultFinding, ResultRow]]] = {}
         for finding, row in pairs:
             cause = finding.suspects[0] if finding.suspects else ""
