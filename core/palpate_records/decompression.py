@@ -28,7 +28,10 @@ class TooLargeError(OSError):
 
 
 def unpack(path: Path, target: Path, compression: str, magic: bytes) -> None:
-    """Unpack a file of gzip or zstd whose content begins with `magic`; raises OSError, EOFError."""
+    """Unpack a file of gzip or zstd into `target`; its content begins with `magic`, the mark of its format.
+
+    Raises TooLargeError for a content beyond a plausible size or the free space, OSError, EOFError.
+    """
     limit = largest(path.stat().st_size)
     free_space = shutil.disk_usage(target.parent).free - _SPARE_SPACE
     written = 0

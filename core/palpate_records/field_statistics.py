@@ -40,7 +40,10 @@ class FieldStatistics:
         self._open_rows = 0  # of that bin
 
     def add(self, values: Floats) -> None:
-        """Add a block (n, k)."""
+        """Add a block of values (n, k) of the fields to counts, extremes, sums, second differences and bins.
+
+        Variances are computed by sums of squares of the values less the first one, `_shift`.
+        """
         is_finite = np.isfinite(values)
         self._odd_counts += (~is_finite).sum(axis=0)
         self._finite_counts += is_finite.sum(axis=0)
@@ -90,6 +93,7 @@ class FieldStatistics:
             # White noise of standard deviation s has second differences of sqrt(6) s.
             bend_variance = self._bend_square_sum / np.maximum(self._bend_counts, 1)
             noise = np.sqrt(bend_variance / _SECOND_DIFFERENCE_VARIANCE)
+        # Means over equal stretches of the record (bins, k), which a sparkline draws.
         course = np.array(self._bins) if self._bins else np.zeros((0, len(self.names)))
         return tuple(
             FieldSurvey(

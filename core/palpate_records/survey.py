@@ -128,7 +128,11 @@ class _TopicStatistics:
         return f"its transforms are of {names}: select = NAME chooses one" if self._frames else ""
 
     def survey(self) -> TopicSurvey:
-        """Return the statistics."""
+        """Return the statistics of the topic.
+
+        Of the intervals [s] between messages the percentiles 1, 50 and 99; of the lateness [s], the time from stamp to
+        log, the median and the percentile 99.
+        """
         names = tuple(path if count is None else f"{path}[{count}]" for path, count in self.fields.items())
         stands_still = self._stamps is not None and self._count > _MIN_STAMPS and self._stamps[0] == self._stamps[1]
         note = self.note or self._readable.note or self._frames_note
@@ -164,7 +168,10 @@ def _count_gaps(intervals: Floats, usual_interval: float) -> int:
 
 
 def survey_of(container: Container, path: Path, log_format: str, progress: Progress = silent) -> Survey:
-    """Read a log once and list its contents; topics that cannot be decoded are listed with the reason."""
+    """Read a log once and list its topics, with statistics of their times and numbers.
+
+    Topics that cannot be decoded are listed with the reason.
+    """
     statistics: dict[str, _TopicStatistics] = {}
     count = 0
     for name, topic in container.topics.items():

@@ -80,7 +80,10 @@ class Bag:
     def blocks(
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
-        """Yield messages of the `wanted` topics, file after file."""
+        """Yield messages of the `wanted` topics with their topic, file after file, within [begin, end) [ns].
+
+        A topic may have another name in one of the files. Messages that are compressed one by one are unpacked.
+        """
         for i, part in enumerate(self._parts):
             names = {name: self._topics[i, name].name for name in part.topics}
             present_names = {name for name in names if names[name] in wanted}

@@ -102,6 +102,7 @@ class SqliteBag:
                 f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({','.join('?' * len(identities))}) "
                 "AND timestamp >= ? AND timestamp < ? ORDER BY timestamp, id"
             )
+            # Without a limit: the least and the greatest integer of SQLite.
             first = -(1 << 63) if begin is None else begin
             last = (1 << 63) - 1 if end is None else end
             cursor = database.execute(query, (*identities, first, last))

@@ -33,7 +33,11 @@ def last_reachable(database: sqlite3.Connection, file: Path, table: str, number:
 
 
 def _last_number(file: BinaryIO, size: int, page: int) -> int | None:
-    """Return the largest row number on the way down the last pointers from a page; damaged ones may have any order."""
+    """Return the largest row number on the way down the last pointers from a page (counted from 1).
+
+    None if the way leads to a leaf, whose rows can be read, or to damage in a page of pointers. `size` [bytes] is that
+    of a page. Damaged numbers may have any order.
+    """
     largest = None
     for _ in range(_MAX_DEPTH):
         file.seek((page - 1) * size)
@@ -44,10 +48,12 @@ def _last_number(file: BinaryIO, size: int, page: int) -> int | None:
             return None
         if page_kind != bytes([_POINTER_PAGE]):
             return largest
+        # Behind the kind: the number of cells at 3, and the last pointer at 8; a pointer and a number make a cell.
         count, page = struct.unpack_from(">3xH3xI", data, begin)
         if not 0 < count <= size // 2 or page < 1:
             return None
         cells = struct.unpack_from(f">{count}H", data, begin + _PAGE_HEAD)
+        # A number of variable length takes up to 9 bytes.
         numbers = [_row_number(data[cell + _POINTER_SIZE : cell + _POINTER_SIZE + 9]) for cell in cells]
         largest = max(number for number in (largest, *numbers) if number is not None)
     return None

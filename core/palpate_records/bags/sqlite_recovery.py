@@ -72,7 +72,7 @@ def _lengthen(copy: Path) -> int | None:
         head = file.read(_HEAD_SIZE)
         if len(head) < _HEAD_SIZE or not head.startswith(_MAGIC):
             raise LogError(f"{copy.name}: is not a rosbag2 database")
-        page_size, page_count = struct.unpack(">H10xI", head[16:])
+        page_size, page_count = struct.unpack(">H10xI", head[16:])  # at 16 and at 28, of the format
         page_size = _MAX_PAGE if page_size == 1 else max(page_size, _MIN_PAGE)
         size = file.seek(0, 2)
         if not size < page_size * page_count <= _MAX_SIZE:
@@ -179,7 +179,11 @@ def _copy_table(old: sqlite3.Connection, new: sqlite3.Connection, table: str, de
 def _salvage(
     old: sqlite3.Connection, copy: Path, new: sqlite3.Connection, page_size: int | None, progress: Progress
 ) -> _Salvaged:
-    """Copy all readable messages into a new database, and return what they are."""
+    """Copy all readable messages into a new database; return their number, their first and last time-stamp [ns].
+
+    The copy is whole if no row was left out, and SQLite finds no damage. `page_size` [bytes] is that of a cut file,
+    whose missing pages are zeros: a message of several pages that ends in zeros is left out.
+    """
     count = 0
     stamps = []
     is_whole = True
@@ -221,7 +225,7 @@ def _readable_rows(old: sqlite3.Connection, database_path: Path) -> Iterator[lis
             begin = yield from _rows_from(old, begin)
             if begin > end:
                 return
-        # Behind damage, a window at a time: parts that cannot be read are halved.
+        # Behind damage, a window of `width` numbers at a time: parts that cannot be read are halved.
         rows = _rows_between(old, begin, begin + width, min_width=width // _MAX_PARTS)
         # Messages in a wide window: the same numbers again, in small windows.
         if rows and width > _WINDOW:

@@ -185,7 +185,7 @@ class NewLog:
         offsets = self._file.tell()
         for group in summary.groups:
             summary.write(_record_bytes(SummaryOffset(*group)))
-        # The checksum of the summary covers the footer as well, but for the checksum itself.
+        # The checksum of the summary covers the footer as well, but for the checksum itself, its last 4 bytes.
         footer = _record_bytes(Footer(summary.begin, offsets, 0))[:-4]
         self._file.write(footer + struct.pack("<I", zlib.crc32(footer, summary.crc)) + records.MAGIC)
 

@@ -63,7 +63,10 @@ class DamageReport:
         return 0 if loss.before is None or loss.after is None else loss.after - loss.before
 
     def words(self) -> str:
-        """Return the whole report on one line; empty for a sound file."""
+        """Return the whole report on one line: pieces left out, what is missing, and messages that nothing checks.
+
+        Empty for a sound file.
+        """
         pieces = [self._piece_text(loss) for loss in self.losses[:_MAX_SHOWN]]
         if len(self.losses) > _MAX_SHOWN:
             pieces.append(f"and {len(self.losses) - _MAX_SHOWN} more pieces")

@@ -53,7 +53,7 @@ class Definitions:
 
         `counts` are the messages of each channel.
         """
-        spare = self.spare
+        spare = self.spare  # opcodes and contents of schemas and channels in damaged chunks
         self.spare = []
         # Channels first, since they refer to schemas.
         missing_channels = {channel for channel in counts if channel not in self.channels}
@@ -111,7 +111,7 @@ class Definitions:
 
     def _define_channel(self, content: bytes) -> None:
         """Add a channel: number, number of its schema, topic, encoding and metadata."""
-        identity, schema = struct.unpack_from("<HH", content)
+        identity, schema = struct.unpack_from("<HH", content)  # 4 bytes: the numbers of channel and schema
         topic_name, end = records.read_text(content, 4)
         encoding, end = records.read_text(content, end)
         packed_metadata, _ = records.read_bytes(content, end)

@@ -31,7 +31,7 @@ class Attachment:
 def read_attachment(record: bytes) -> Attachment:
     """Return an attachment from its record's content; raises Damage if it is not whole, or its checksum is wrong."""
     try:
-        logged, created = struct.unpack_from("<QQ", record)
+        logged, created = struct.unpack_from("<QQ", record)  # [ns], in 16 bytes
         name, end = records.read_text(record, 16)
         kind, end = records.read_text(record, end)
         (length,) = _LENGTH.unpack_from(record, end)

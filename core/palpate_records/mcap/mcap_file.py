@@ -210,7 +210,10 @@ class McapFile:
             self.unchecked = reader.unchecked
 
     def _undamaged_blocks(self, definitions: Definitions) -> Iterator[Block]:
-        """Yield blocks of whole messages around damage, and report what is missing."""
+        """Yield blocks of whole messages around damage, and report what is missing.
+
+        A `Pass` reads up to the first damage, `Salvage` searches on behind it.
+        """
         report = DamageReport(
             stated_counts=self._summary.counts, notes=self._notes, doubtful=self._doubtful, cut=not self._ended
         )
@@ -268,7 +271,7 @@ class McapFile:
         return definitions
 
     def _read_definitions(self, file: IO[bytes], definitions: Definitions) -> None:
-        """Add the definitions in the summary and the checksum of the data; raises Damage."""
+        """Add the definitions in the summary at the end of the file, and the checksum of its data; raises Damage."""
         summary_end = file.seek(-_END_SIZE, 2)
         size = summary_end + _END_SIZE
         footer = file.read(_FOOTER.size)
@@ -285,7 +288,7 @@ class McapFile:
             raise Damage(f"it is declared to begin at {begin}")
         file.seek(begin)
         content = file.read(summary_end - begin)
-        if crc and zlib.crc32(content + footer[:-4]) != crc:
+        if crc and zlib.crc32(content + footer[:-4]) != crc:  # of summary and footer, without the checksum itself
             raise Damage("its checksum is wrong")
         messages, other_records, end = records.scan(content)
         if messages or end != len(content):

@@ -58,7 +58,7 @@ class Pass:
         """Yield all messages of the data section; raises Damage, also if their counts are not those of the summary."""
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
-            is_covered = self._whole and self._check_data(file)
+            is_covered = self._whole and self._check_data(file)  # by a checksum over all data
             file.seek(len(records.MAGIC))
             yield from self._read_blocks(file, size)
             if is_covered:
@@ -92,7 +92,8 @@ class Pass:
     def _read_blocks(self, file: IO[bytes], size: int, is_single: bool = False) -> Iterator[Block]:
         """Yield the messages from the file's position on, to the end of the data; of a single chunk if `is_single`.
 
-        Raises Damage, after all messages before it.
+        `size` [bytes] is that of the file. Small chunks wait, until they make a block together. Raises Damage, after
+        all messages before it.
         """
         pending: list[_PendingChunk] = []  # chunks that will make the next block
         try:

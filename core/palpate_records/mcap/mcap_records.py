@@ -34,6 +34,7 @@ RECORD = struct.Struct("<BQ")  # opcode, and length of the content that follows
 RECORD_HEAD = RECORD.size  # [bytes]
 CHUNK_HEAD = 28  # [bytes] that identify a chunk: its times, size and checksum
 HEAD = 31  # [bytes] of a message record before its payload: record 9, channel 2, sequence 4, two times 16
+_CHANNEL, _LOGGED, _PUBLISHED = 9, 15, 23  # [bytes] of a message record before its channel and its two times
 _CHUNK_FIELDS = struct.Struct("<QQQII")  # first and last time, size and checksum of the data, length of a name
 _LENGTH = struct.Struct("<Q")  # of the packed data, behind the name of the compression
 _TEXT_LENGTH = struct.Struct("<I")
@@ -117,8 +118,11 @@ def _decompress_zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
 
 
 def remains(content: bytes) -> list[tuple[int, bytes]]:
-    """Return opcode and content of the schemas and channels of a damaged chunk, as far as they can be read."""
-    longest_name = len(b"zstd") + 1
+    """Return opcode and content of the schemas and channels of a damaged chunk, as far as they can be read.
+
+    `content` is that of the chunk's record: times, size, checksum, name of the compression, packed data.
+    """
+    longest_name = len(b"zstd") + 1  # one character more, so that a longer name is not taken for this
     try:
         (name_length,) = _TEXT_LENGTH.unpack_from(content, CHUNK_HEAD)
         name = content[_CHUNK_FIELDS.size : _CHUNK_FIELDS.size + min(name_length, longest_name)]
@@ -153,6 +157,7 @@ def _decompress_begin(name: bytes, packed: bytes) -> bytes:
 def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int], list[Other], int]:
     """Return the offsets of the message records, the other records, and the end of the last whole record.
 
+    Another record is opcode, offset and length of its content; `begin` and `end` are those of a part of the data.
     Raises Damage for a message that is too short, and for too many other records.
     """
     end = len(data) if end is None else end
@@ -252,7 +257,7 @@ class Block:
     @cached_property
     def channel(self) -> NDArray[np.uint16]:
         """Channels of the messages (n,); contiguous, since they are compared once for each topic."""
-        return np.ascontiguousarray(column(self.heads, 9, "<u2"))
+        return np.ascontiguousarray(column(self.heads, _CHANNEL, "<u2"))
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
@@ -262,7 +267,7 @@ class Block:
     @property
     def logged(self) -> Stamps:
         """Log times (n,) [ns]."""
-        return np.asarray(column(self.heads, 15, "<i8"))
+        return np.asarray(column(self.heads, _LOGGED, "<i8"))
 
     @property
     def opcodes(self) -> Bytes:
@@ -284,7 +289,8 @@ class Block:
             offsets = self.offsets[rows]
             heads = gather(self.heads.reshape(-1), rows * HEAD, HEAD)
         lengths = column(heads, 1, "<i8") - (HEAD - RECORD_HEAD)
-        return Messages(self.buffer, offsets + HEAD, lengths, column(heads, 15, "<i8"), column(heads, 23, "<i8"))
+        logged, published = (column(heads, offset, "<i8") for offset in (_LOGGED, _PUBLISHED))
+        return Messages(self.buffer, offsets + HEAD, lengths, logged, published)
 
 
 def read_text(content: bytes, begin: int) -> tuple[str, int]:

@@ -94,7 +94,10 @@ class _RecoveredLog:
             self._write_rows(definitions, block, slice(first, last), piece)
 
     def _write_rows(self, definitions: Definitions, block: Block, rows: slice, piece: ChunkPiece | None) -> None:
-        """Write successive messages: as their chunk is, if it has no lost definitions, else as a new chunk."""
+        """Write successive messages, `rows` of a block: as their chunk is, if no definition is lost, else as a new one.
+
+        `piece` is where the old file has their chunk; None for messages outside chunks.
+        """
         channel = block.channel[rows]
         logged = block.logged[rows].view("<u8")
         offsets = block.offsets[rows]

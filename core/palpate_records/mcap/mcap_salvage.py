@@ -45,6 +45,7 @@ class Salvage:
         self._counts = reader.counts
         # Single messages are searched only in files without chunks; None: not known yet.
         self._has_chunks: bool | None = True if reader.chunked else None
+        # The heads of the chunks that the reader met, by which a repeated one is known.
         heads = bytes(reader.heads)
         self._heads = {heads[begin : begin + records.CHUNK_HEAD] for begin in range(0, len(heads), records.CHUNK_HEAD)}
         self._latest = reader.latest  # [ns] log time of the messages before
@@ -157,9 +158,10 @@ class Salvage:
         self._useless_work += length + min(claimed_size, records.LIMIT)
 
     def _read_loose_messages(self, file: IO[bytes], position: int, next_position: int, size: int) -> tuple[int, Block]:
-        """Return the position behind messages outside chunks, and these; raises Damage.
+        """Return the position behind messages outside chunks, and these as a block; raises Damage.
 
-        Nothing checks them: each must be followed by a plausible record.
+        `next_position` is the end of the first one, `size` [bytes] that of the file. Nothing checks them: each must be
+        followed by a plausible record.
         """
         offsets: list[int] = []
         data = bytearray()

@@ -26,7 +26,8 @@ _NAME_BEGIN = records.RECORD_HEAD + _CHUNK_FIELDS_SIZE  # [bytes] of that name, 
 def chunks_from(file: IO[bytes], begin: int, end: int) -> Iterator[int]:
     """Yield the offsets in [begin, end) of heads of chunks that agree with themselves.
 
-    The length of a chunk's record and that of the data in it differ by the head: 64 bits that damage does not make.
+    The length of a chunk's record and that of the data in it differ by the head: 64 bits that damage does not make. A
+    head is an opcode, a length (at 1), fields, the name of the compression, and the length of the data.
     """
     for start, data in _windows(file, begin, end):
         count = len(data) - _NAME_BEGIN - max(map(len, _COMPRESSIONS)) - _WORD

@@ -59,7 +59,11 @@ class MessageLayout:
         return min(self.size, _MAX_COPY) + _LENGTH_SIZE * len(self.lengths)
 
     def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> tuple[NDArray[np.bool_], Excerpt]:
-        """Return True (n,) for messages of this layout, and these; texts in `pinned` must be the same as well."""
+        """Return True (n,) for messages of this layout, and an excerpt of these.
+
+        A message has the layout if its size, its encapsulation, and the lengths of its strings and sequences are the
+        same; texts at the paths in `pinned`, such as names of joints, must be the same as well.
+        """
         is_alike = messages.lengths == self.size
         excerpt = Excerpt.of(messages if is_alike.all() else messages[is_alike], self.size)
         if not is_alike.any():
@@ -172,7 +176,8 @@ def _layout_of_walk(walker: _Walker, type_name: str, message: bytes) -> MessageL
     rest_size = len(message) - walker.position
     if rest_size > (_MAX_PADDING if walker.aligned else 0):
         raise LogError(f"a message of {type_name} is damaged: {rest_size} bytes of it belong to no field")
-    # Some writers declare a parameter list and write plain fields. A real list has 8 bytes more than its fields.
+    # Some writers declare a parameter list and write plain fields. A real list has 8 bytes more than its fields; a rest
+    # of 3 bytes is less than the head of one parameter.
     kind = message[1] if walker.aligned else None
     if rest_size > 3 and (kind in _LISTS or walker.wide_characters):
         raise LogError(f"a message of {type_name} cannot be read: it is a parameter list, or damaged")
@@ -203,6 +208,7 @@ class _Walker:
         wide_size: int = _WIDE_SIZES[0],
         aligned: bool = True,
     ) -> None:
+        """Begin a walk through a message (`data`): its byte `order` is "<" or ">"; only CDR is `aligned`."""
         self._definitions = definitions
         self._data = data
         self.order = order
@@ -229,7 +235,7 @@ class _Walker:
             self._walk_field(field, prefix + field.name)
 
     def _walk_field(self, field: Field, path: str) -> None:
-        """Walk through a number, a text, a message, or an array of them."""
+        """Walk through a number, a text, a message, or an array of them, whose place has a path such as "pose.x"."""
         count = self._read_length() if field.count is None else field.count
         if field.type in PRIMITIVES:
             self._budget.charge(ELEMENT + len(path))

@@ -74,7 +74,7 @@ class CdrDecoder:
 
         With `pin`, the names of joints and frames are parts of the layout.
         """
-        remaining = np.arange(len(messages))
+        remaining = np.arange(len(messages))  # rows of messages that have no layout yet
         known_layouts = list(self._layouts)
         # Comparisons of all messages with each new layout are quadratic where hardly two messages are alike.
         allowance = FREE + _MAX_COMPARISONS * int(messages.lengths.sum())  # [bytes]

@@ -127,9 +127,10 @@ def _parse_fields(text: str, owner: str) -> tuple[Field, ...]:
 
 
 def _parse_field(type_name: str, array: str | None, name: str, package: str) -> Field:
-    """Return a field, with the full name of its type.
+    """Return a field, with the full name of its type, such as "std_msgs/Header".
 
-    Raises LogError for an array without elements, or of too many: it would take no bytes of a message.
+    `array` is what stands behind the type: "[3]", "[]" and "[<=3]" for any number, None for no array. Raises LogError
+    for an array without elements, or of too many: it would take no bytes of a message.
     """
     if type_name not in PRIMITIVES and type_name not in _TEXT_TYPES:
         type_name = short_name(_SHORT_NAMES.get(type_name, type_name))

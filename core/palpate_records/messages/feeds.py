@@ -43,7 +43,10 @@ class TopicFeed:
         return bool((self.factors != 1.0).any())
 
     def numbers(self, messages: Messages, log: str) -> tuple[Stamps, Stamps, Floats]:
-        """Return time-stamps (n,) [ns], log times (n,) [ns] and values (n, k) [SI] of a block; raises LogError."""
+        """Return time-stamps (n,) [ns], log times (n,) [ns] and values (n, k) [SI] of a block; raises LogError.
+
+        The stamps are a number in the messages, or the times of their "publish", header ("stamp") or log.
+        """
         readings = self.readings
         if isinstance(self.clock, TimeField):  # the time is read as the last number
             readings = (*readings, FieldReading.parse(self.clock.field, self.clock.index))
@@ -76,7 +79,10 @@ class TopicFeed:
             return sensible(values * self.factors if self.scaled else values)
 
     def along(self, values: Floats, quaternions: Floats | None = None) -> Floats:
-        """Return the channels (n, k) [SI] of readings (n, j): vectors, rotated if declared, along their directions."""
+        """Return the channels (n, k) [SI] of readings (n, j): numbers, and components of vectors along a direction.
+
+        Vectors take three columns x, y, z of the readings, and are turned by `quaternions` (n, 4) if there are any.
+        """
         columns = []
         first = 0  # column of the readings
         for direction in self.directions:
@@ -119,7 +125,8 @@ def mapped_feeds(
 ) -> list[TopicFeed]:
     """Return a feed for each topic that signals name, with a channel for each signal; raises LogError.
 
-    `turn` gives the quaternions of the kinematics, if there are any.
+    A feed is a stream with the numbers of the messages that it is made of. `clock` says where its times are from, and
+    `log` is the file's name in errors. `turn` gives the quaternions of the kinematics, if there are any.
     """
     mapped = mapped_streams(signals)
     for signal in (signal for mapped_stream in mapped for signal in mapped_stream.signals):
@@ -136,7 +143,10 @@ def mapped_feeds(
 def _mapped_feed(
     container: Container, mapped: MappedStream, clock: Clock, log: str, turn: TopicFeed | None
 ) -> TopicFeed:
-    """Return the feed of one stream; raises LogError."""
+    """Return the feed of one stream, whose signals are of one topic; raises LogError.
+
+    Vectors are turned by the quaternions of another topic, or by those of the kinematics (`turn`), where stated.
+    """
     signals = mapped.signals
     topic = signals[0].topic
     decoder = _decoder(container, topic, log)

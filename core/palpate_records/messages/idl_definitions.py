@@ -71,7 +71,10 @@ class _Parser:
     constants: dict[str, str] = field(default_factory=dict)
 
     def parse_definitions(self, scope: list[str]) -> None:
-        """Parse all definitions up to the end of a module, or of the text; raises LogError."""
+        """Parse all definitions up to the end of a module, or of the text; `scope` are the names of its modules.
+
+        Raises LogError.
+        """
         if len(scope) > _MAX_DEPTH:
             raise self._damage(f"modules within modules, {len(scope)} deep")
         while self.position < len(self.tokens) and self.tokens[self.position] != "}":
@@ -131,6 +134,7 @@ class _Parser:
             sizes = self._parse_dimensions(scope, name) if self._peek() == "[" else []
             if sizes and field_type.many and field_type.count is None:
                 raise self._damage(f"{name} is an array of sequences")
+            # All elements of an array of arrays; None: any number.
             count = prod(sizes) * (field_type.count or 1) if sizes else field_type.count
             if count is not None and count > _MAX_ELEMENTS:
                 raise self._damage(f"{name} has more than {_MAX_ELEMENTS} elements")

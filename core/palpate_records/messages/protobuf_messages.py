@@ -69,7 +69,10 @@ def _types_within(descriptor: Any) -> dict[str, _MessageCost]:
 
 
 def _charge_message(types: Mapping[str, _MessageCost], name: str, data: memoryview, budget: Budget, depth: int) -> None:
-    """Charge a message and all messages in it to a budget; damage is left to the parser. Raises LogError."""
+    """Charge the memory of a message of the type `name`, and of all messages in it, to a budget.
+
+    Damage is left to the parser. Raises LogError beyond the budget, for groups, and for messages nested too deep.
+    """
     if depth > _MAX_DEPTH:
         raise LogError(f"its messages are nested more than {_MAX_DEPTH} deep")
     message_type = types[name]

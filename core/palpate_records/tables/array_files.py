@@ -106,7 +106,7 @@ def _mat_arrays(path: Path) -> NamedArrays:
 
     with path.open("rb") as file:
         head = file.read(_MAT_HEAD_SIZE)
-        if head.startswith(b"MATLAB 7.3") or head[:8] == b"\x89HDF\r\n\x1a\n":
+        if head.startswith((b"MATLAB 7.3", b"\x89HDF\r\n\x1a\n")):
             raise ValueError("it is of version 7.3: save it with -v7 in MATLAB")
         _demand_packed_size(file, path.stat().st_size)
     for name, value in loadmat(path, squeeze_me=True, chars_as_strings=True).items():

@@ -59,7 +59,7 @@ class Days:
         finite_rows = np.flatnonzero(np.isfinite(seconds))
         if not finite_rows.size:
             return seconds
-        steps = np.diff(seconds[finite_rows], prepend=self._latest)
+        steps = np.diff(seconds[finite_rows], prepend=self._latest)  # from the last time of the block before
         days = self._days + np.cumsum(steps < -0.5 * _DAY)
         self._latest = float(seconds[finite_rows[-1]])
         self._days = int(days[-1])

@@ -86,7 +86,7 @@ def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
         raise LogError(
             f"{sheet.path}: {count}: it is {rounding}; state how many rows there are in a second with --rate"
         )
-    if float(np.mean(steps < 0)) > 0.5:
+    if float(np.mean(steps < 0)) > 0.5:  # most of the steps
         raise LogError(f"{sheet.path}: {name} runs backwards: sort the rows by their time, the first reading first")
     if stamp_parts(sheet.names).get("nano") == clock.column and (steps < 0).any():
         raise LogError(
@@ -150,7 +150,10 @@ TIME_RULES = (chosen_time, name_begins_as_time, name_has_time, cells_of_clock, e
 
 
 def _clock_column(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int]) -> TimeColumn | None:
-    """Return the time column by the surest rule; None without one."""
+    """Return the time column by the surest rule; None without one.
+
+    Each rule yields columns that may be the time; the first that can be read in its unit is taken.
+    """
     search = _ClockSearch(sheet, values, choices, taken)
     if "time" not in choices and len(search.parts) == 2:
         return _time_in_two_columns(search)

@@ -128,7 +128,10 @@ def layout_of(
 
 
 def _rows_and_block(path: Path, lines: Sequence[str], dialect: Dialect, above: int) -> tuple[list[list[str]], RowBlock]:
-    """Return the cells of the first lines, and the rows of numbers below `above` lines; raises LogError without any."""
+    """Return the cells of the first lines, and where the rows of numbers below `above` lines are.
+
+    `dialect` is how the text is written: separator, decimal mark, comments. Raises LogError without rows of numbers.
+    """
     for first_part in (lines[: 2 * ENOUGH_ROWS], lines):  # a part of the lines mostly is enough
         if any('"' in line for line in first_part):
             # Each line by itself: a single quotation mark would join the lines behind it to one cell.

@@ -29,6 +29,7 @@ from palpate_records.tables.table_rows import rows_below
 from palpate_records.tables.table_text import bounded_lines, open_text
 
 KEYS = ("delimiter", "decimal", "thousands", "comment", "encoding", "sheet", "header", "units")  # that can be stated
+_DIALECT_KEYS = KEYS[:4]  # fields of a `Dialect`
 # Choices.
 _BLOCK_ROWS = 4096  # that are read at once
 _MAX_NAME, _MAX_NAMES = 40, 12  # characters of a column's name, and columns, that are shown
@@ -92,7 +93,7 @@ class Sheet:
         """The keys of a device that reads the table, without those of the usual dialect."""
         usual = Dialect()
         keys: dict[str, str | int] = {}
-        for key in KEYS[:4]:
+        for key in _DIALECT_KEYS:
             if getattr(self.dialect, key) != getattr(usual, key):
                 keys[key] = getattr(self.dialect, key)
         if self.record is None:
@@ -123,7 +124,11 @@ class Sheet:
                 yield numbers
 
     def _blocks_by_line(self, lines: Iterator[str], rows_above: int) -> Iterator[Floats]:
-        """Yield the numbers (n, k) of lines that may hold anything, below a number of rows that were read already."""
+        """Yield the numbers (n, k) of lines that may hold anything, below a number of rows that were read already.
+
+        Cells are read one by one; lines below the table are added to its footer, lines of words between its rows to its
+        events.
+        """
         count = len(self.names)
         readers = [seconds_or_nan if k in self.layout.clocks else self._cell_reader(k) for k in range(count)]
         days = {k: Days() for k in self.layout.clocks if k < count}
@@ -293,7 +298,7 @@ def _parse_key(path: Path, key: str, text: str) -> str | int:
 def _dialect_and_layout(path: Path, lines: list[str], keys: Mapping[str, str | int]) -> tuple[Dialect, TableLayout]:
     """Return the dialect and layout of a table by its first lines and the stated keys; raises LogError."""
     dialect = Dialect("\t") if is_binary_table(path) else dialect_of(lines)
-    dialect = replace(dialect, **{key: str(keys[key]) for key in KEYS[:4] if key in keys})
+    dialect = replace(dialect, **{key: str(keys[key]) for key in _DIALECT_KEYS if key in keys})
     layout = layout_of(path, lines, dialect, *(keys.get(key) for key in ("header", "units")))  # type: ignore[arg-type]
     rows = [row for row in islice(dialect.rows(lines[layout.begin :]), _DIALECT_ROWS) if row]
     if "decimal" not in keys:

@@ -71,7 +71,7 @@ def _unended_lines(path: Path) -> list[str] | None:
     if "\0" in text or '"' in text:
         return None
     lines = text.splitlines() or [""]
-    has_cut_line = size > _TAIL_SIZE
+    has_cut_line = size > _TAIL_SIZE  # the first one, which is left out
     return [*lines[:-1][has_cut_line:], lines[-1]]
 
 

@@ -204,7 +204,8 @@ def are_units(cells: Sequence[str]) -> bool:
 def with_groups(top: TopLines) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names of the columns, and the titles of groups of columns from the line above them.
 
-    Titles are put before names only if these alone are not unique; else none is returned.
+    `top` has the lines above the numbers, with the one of the names. Titles are put before names only if these alone
+    are not unique; else none is returned.
     """
     names = list(top.names.cells)
     line = top.names.line

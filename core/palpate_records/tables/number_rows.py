@@ -41,7 +41,8 @@ def is_header(cells: Sequence[str], dialect: Dialect) -> bool:
 def block_of_rows(rows: Sequence[Sequence[str]], skipped: Collection[int], dialect: Dialect) -> RowBlock | None:
     """Return the longest block of rows of numbers, from the first block above it on that is of the same table.
 
-    None without rows of numbers. A line that does not fit between blocks does not separate them.
+    `rows` are the cells of the lines, `skipped` the numbers of empty lines and comments. None without rows of numbers.
+    A line that does not fit between blocks does not separate them.
     """
     blocks = _blocks(rows, skipped, dialect)
     if not blocks:

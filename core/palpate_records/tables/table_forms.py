@@ -47,7 +47,8 @@ def table_form(
 ) -> tuple[Dialect, TableLayout]:
     """Return the dialect and layout of a file by its first lines: of a form in the cache, else those from `look`.
 
-    The results and errors of `look` may depend on the lines and on the `stated` keys alone.
+    A form is the lines above the numbers, which files of one instrument share. The results and errors of `look` may
+    depend on the lines and on the `stated` keys alone.
     """
     key = stated, *lines[:1]
     form = _forms.get(key)

@@ -64,7 +64,10 @@ def _continues(page: _PageEdges, next_page: _PageEdges, spans: Floats) -> bool:
 
 
 def _page_edges(sheet: Sheet, heads: Sequence[int], columns: Sequence[int], file: IO[str]) -> Iterator[_PageEdges]:
-    """Yield the edges of every page, with the numbers of some columns."""
+    """Yield the edges of every page of a table: lines of units, and numbers of some columns in its first and last rows.
+
+    `heads` are the lines of the names, counted from 1.
+    """
     page: _PageEdges | None = None
     begins = {*heads}
     for line, text in enumerate(bounded_lines(file, sheet.path), 1):

@@ -21,7 +21,8 @@ def rows_below(
 ) -> Iterator[TableRow]:
     """Yield the rows of a table, or of a record in it, in lines that follow `above` rows; a comment has no cells.
 
-    `pages` as in `one_table`. The cells of lines below the table are added to `footer`.
+    `pages` returns the number of pages of the table, as for `one_table`. A row is the number of its line, and its
+    cells. The cells of lines below the table are added to `footer`.
     """
     without_comments = ("\n" if dialect.is_comment(line) else line for line in lines)
     rows = enumerate(dialect.rows(without_comments), layout.begin + above + 1)
