@@ -27,14 +27,11 @@ class CitedWork:
         fields = {name: re.sub(r"[{}]", "", text).replace("--", "\N{EN DASH}") for name, text in self.fields.items()}
         authors = ", ".join(map(_short_name, fields["author"].split(" and ")))
         where = fields.get("journal") or fields.get("publisher") or fields["institution"]
-        number = f"({fields['number']})" if "number" in fields and "volume" in fields else ""
-        volume = (
-            f" {fields['volume']}{number}"
-            if "volume" in fields
-            else f", {fields['number']}"
-            if "number" in fields
-            else ""
-        )
+        # " 12(3)" of a journal; ", E251" of a standard or a report, which has a number and no volume.
+        volume = f", {fields['number']}" if "number" in fields else ""
+        if "volume" in fields:
+            issue = f"({fields['number']})" if "number" in fields else ""
+            volume = f" {fields['volume']}{issue}"
         pages = f", {fields['pages']}" if "pages" in fields else ""
         doi = f", doi:{fields['doi']}" if "doi" in fields else ""
         return f"{authors} ({fields['year']}). {fields['title']}. {where}{volume}{pages}{doi}."

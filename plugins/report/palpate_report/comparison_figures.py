@@ -17,6 +17,8 @@ _COLOURS = 7  # of the style, C0 to C6; further groups repeat them
 _MARKS = "osD^vPX"  # one for each colour, so that groups differ in grey, too
 _MEAN_OVERHANG = 0.3  # of the line of a mean beyond the first and the last run, whose distance is 1: a choice
 _MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
+_RUNS_HEIGHT, _SITES_HEIGHT = 50.0, 70.0  # [mm] of the figures: choices
+_MARGIN = 0.6  # of the axis beyond the first and the last run, whose distance is 1: a choice
 
 
 def caption_of(parameter: str, noun: str = "run") -> str:
@@ -26,11 +28,15 @@ def caption_of(parameter: str, noun: str = "run") -> str:
 
 @style()
 def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
-    """Return a parameter of each run in its group's colour, with bars of two combined uncertainties."""
+    """Return a figure of a parameter of each run in its group's colour, with bars of two combined uncertainties.
+
+    `unit` is the SI unit of the parameter. Widths of lines are in points.
+    """
     symbol, factor = display_unit(unit)
-    figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
+    figure, axes = figure_of(width=WIDTHS["double"], height=_RUNS_HEIGHT)
     axis = axes[0, 0]
     for i, group in enumerate(dict.fromkeys(run.group for run in runs)):
+        # The numbers of the group's runs on the x axis, from 1 on.
         numbers = [number for number, run in enumerate(runs, 1) if run.group == group]
         look = {"color": f"C{i % _COLOURS}", "marker": _MARKS[i % len(_MARKS)]}
         # Good runs are filled marks, doubtful ones hollow; invalid runs are not drawn.
@@ -47,8 +53,9 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
     if truth is not None:
         axis.axhline(factor * truth, color="black", linestyle=":", linewidth=0.6, label="truth")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{symbol}]", xlim=(0.4, len(runs) + 0.6))
-    legend_outside(axis, 4)
+    limits = (1 - _MARGIN, len(runs) + _MARGIN)
+    axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{symbol}]", xlim=limits)
+    legend_outside(axis, columns=4)
     return figure
 
 
@@ -69,7 +76,10 @@ def _numbered_values(
 
 
 def _draw_runs(axis: Any, rows: Floats, factor: float, group: str, level: str, look: Mapping[str, Any]) -> None:
-    """Draw values of the runs of one level with bars of two uncertainties; rows (n, 3) as of `_numbered_values`."""
+    """Draw values of the runs of one level with bars of two uncertainties; doubtful ones are hollow marks.
+
+    `rows` (n, 3) are number of the run, value and combined uncertainty [SI]; `look` has colour and mark of the group.
+    """
     if not len(rows):
         return
     numbers, values, uncertainties = rows.T
@@ -94,7 +104,7 @@ def _level(run: GroupRun, track: str) -> str | None:
 
 @style()
 def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
-    """Return the places of the runs, coloured by value; None where they are one place."""
+    """Return a figure of the places x, y of the runs, coloured by value; None where they are one place."""
     places, values = [], []
     for run in runs:
         table = number_of(run, track, parameter) if run.place else None
@@ -104,7 +114,7 @@ def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) ->
     if len(places) < 2 or np.ptp(np.array(places), axis=0).max() < MIN_SITE_DISTANCE:
         return None
     symbol, factor = display_unit(unit)
-    figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
+    figure, axes = figure_of(width=WIDTHS["middle"], height=_SITES_HEIGHT)
     axis = axes[0, 0]
     x, y = 1e3 * np.array(places).T  # [mm]
     dots = axis.scatter(x, y, c=[factor * value for value in values], s=40, edgecolors="black", linewidths=0.4)

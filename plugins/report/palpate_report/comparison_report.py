@@ -48,9 +48,10 @@ def page_of_runs(
     study: Mapping[str, Any] | None = None,
     unit: str | None = None,
 ) -> str:
-    """Return the page of runs, or of what a noun calls them, in groups that are compared by units of replication.
+    """Return the page (HTML) of runs, or of curves as the `noun` says, in groups that are compared.
 
-    Raises LogError where none has a result, ConfigurationError for an unknown unit.
+    `unit` is the column that names the units of replication, `study` a section on the folder of the curves. Raises
+    LogError where none has a result, ConfigurationError for an unknown unit.
     """
     if not any(run.tracks for run in runs):
         raise LogError(f"none of these {noun}s has a result: look at them one by one to see why")
@@ -161,7 +162,7 @@ def _statistics(
 ) -> dict[str, Any]:
     """Return the row of a group: mean, scatter, stated uncertainty (rms) and their ratio, of a parameter [unit].
 
-    The scatter needs two values.
+    The scatter needs two values. `comparison` has the means of the units of replication, of which statistics are.
     """
     values, combined = numbers_of(runs, group, track, parameter)
     symbol, factor = display_unit(unit)
@@ -241,7 +242,7 @@ def _pipelines(runs: Sequence[GroupRun]) -> dict[str, Any]:
     grouped: dict[str, list[str]] = {}
     for text, names in texts.items():
         grouped.setdefault(differences(text, first_text, ()) if text != first_text else "", []).extend(names)
-    hide = first.veil.text if first.veil else str
+    hide = first.veil.text if first.veil else str  # takes host and paths out of a text
     return {
         "name": first.name,
         "text": hide(first_text),

@@ -28,7 +28,8 @@ def curves_page(
 ) -> str:
     """Return the whole page of a folder of fits, its curves in groups by a column of ``curves.csv``, compared by units.
 
-    Raises LogError, and ConfigurationError for an unknown track, column, unit or filter word.
+    `by` names the column, `unit` that of the units of replication, `where` has filter words. Raises LogError, and
+    ConfigurationError for an unknown track, column, unit or filter word.
     """
     facts = folder_facts(path, track, by, where)
     folder, rows = facts.folder, facts.rows
@@ -66,6 +67,7 @@ def folder_facts(path: Path, track: str | None, by: str | None, where: str | Non
 
 
 def _run(folder: FitFolder, row: CurveRow, by: str | None, severities: Mapping[str, str]) -> GroupRun:
+    """Return a curve, by its row, as a run of a comparison; `severities` are those of flags by code."""
     parameters = {
         name: {
             "value": row.number(name),

@@ -16,6 +16,7 @@ from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, 
 
 # Choices of how it looks.
 _MAX_PANELS = 8  # of a figure: they fit a page
+_HEIGHT = 48.0  # [mm] of a row of panels
 _BAR_DISTANCE = 0.02  # of the first bar behind the end of its curve, of the curve's duration
 _BAR_STEP = 0.015  # from one bar to the next, likewise
 _BAR_ROOM = 1.1  # of a bar's half length that the axis shows
@@ -24,12 +25,15 @@ _SETTLED_FROM_SWEPT = 0.1  # likewise of a sweep, which has a value of its own a
 
 
 def estimates(subject: Subject) -> ReportFigure | None:
-    """Return every parameter over time with bands of two standard deviations, by model; the truth where it is known."""
+    """Return a figure of every parameter over time with bands of two standard deviations, in a panel for each model.
+
+    The truth is drawn where it is known. None without an estimate.
+    """
     panels = _panels(subject)[:_MAX_PANELS]
     if not panels:
         return None
     columns = beside(subject, len(panels))
-    figure, axes = figure_of(columns, -(-len(panels) // columns), width=subject.width, height=48.0)
+    figure, axes = figure_of(columns, -(-len(panels) // columns), width=subject.width, height=_HEIGHT)
     data: dict[str, Floats] = {}
     for axis, (names, parameter) in zip(axes.ravel(), panels, strict=False):
         data |= _draw_estimates(axis, subject, names, parameter)
@@ -68,7 +72,7 @@ class _Panel:
         Return the points by column [SI].
         """
         used = np.flatnonzero(curves.used)
-        rows = used[thin_rows(len(used), MAX_POINTS // 2)]
+        rows = used[thin_rows(len(used), MAX_POINTS // 2)]  # a choice: a band is drawn as well
         if not len(rows):
             return {}
         time = curves.time[rows]

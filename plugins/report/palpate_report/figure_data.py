@@ -50,7 +50,10 @@ class Curves:
 
 
 def curves_of(record: RunContents, name: str) -> Curves:
-    """Return the curves of one track of a run."""
+    """Return the curves of one track of a run, with the force of the contact.
+
+    That is the measured force, less the inertia of the tip, and less offset and drift that a fit has found.
+    """
     table, track = record.tracks[name]
     measured = table.measured
     time, force = measured["time"], measured["force"]
@@ -61,19 +64,20 @@ def curves_of(record: RunContents, name: str) -> Curves:
     fit = record.document.get("tracks", {}).get(name, {}).get("fit", {})
     used = track.usable & np.isfinite(track.others["force"])
     if fit and used.any():
+        # The drift [N/s] is about the middle of the samples that are used.
         begin, end = time[used][[0, -1]].tolist()
         contact = contact - fit.get("bias", 0.0) - fit.get("drift", 0.0) * (time - 0.5 * (begin + end))
     return Curves(
         name,
-        time,
-        track.place,
-        track.others["surface"] - measured["position"],
-        contact,
-        track.others["force"],
-        track.values,
-        track.std,
-        track.others.get("innovation", np.full(len(time), np.nan)),
-        used,
+        time=time,
+        place=track.place,
+        depth=track.others["surface"] - measured["position"],
+        force=contact,
+        model=track.others["force"],
+        values=track.values,
+        std=track.std,
+        innovation=track.others.get("innovation", np.full(len(time), np.nan)),
+        used=used,
     )
 
 

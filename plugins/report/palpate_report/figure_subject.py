@@ -15,6 +15,7 @@ from palpate_report.run_contents import RunContents
 MAX_POINTS = 800  # of a curve: a choice; more do not show in print
 MAX_TRACKS = 7  # of one panel: as many as the style has colours
 _MAX_NARROW_WIDTH = 100.0  # [mm] of a picture whose panels stand one above the other: a choice
+_PANEL_HEIGHT = 52.0  # [mm] of one of two panels: a choice
 
 
 @dataclass(frozen=True)
@@ -51,5 +52,5 @@ def beside(subject: Subject, panels: int) -> int:
 def pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:
     """Return a figure with one or two panels, side by side where there is room."""
     columns = beside(subject, panels)
-    figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=52.0)
+    figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=_PANEL_HEIGHT)
     return figure, list(axes.ravel())

@@ -27,11 +27,15 @@ from palpate_report.typical_curves import (
     used_curves_figure,
 )
 
+_INCH = 25.4  # [mm]
 _EQUATION = re.compile(r", eq\. [^;]*")  # of a source: a number that only its reader can look up
 
 
 def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict[str, Any]:
-    """Everything of the section, `hide` taking paths out of texts; what cannot be made here is said in its place."""
+    """Return the section of a page on a folder of fits: measurement, typical budget, exclusions, figures, origin.
+
+    `hide` takes paths out of texts. Parts for which curves would have to be fitted again, and cannot, have a note.
+    """
     notes: list[str] = []
     section: dict[str, Any] = {"measured": {}, "budget": None}
     for key, make in (("measured", _measured), ("budget", _typical_budget)):
@@ -51,8 +55,11 @@ def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict
 
 
 def _measured(facts: FolderFacts) -> Mapping[str, str]:
-    """Tip, model and force, of each dialect where they differ."""
-    pipelines = facts.pipelines
+    """Return the facts of the measurement by name: instrument, tip, model, force, motion, estimator.
+
+    Tip, model and force are those of each dialect (pipeline) of the folder, where they differ.
+    """
+    pipelines = facts.pipelines  # each with the number of its curves, that of most first
     facts_table = {"instrument": facts.instrument or 'not stated (rig.toml of the folder: instrument = "...")'}
     texts = facts_in_words(pipelines)
     for key, name in (("tip", "tip"), ("model", "model"), ("force", "force and position")):
@@ -97,7 +104,7 @@ def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
 
 
 def _picture(figure: Any, caption: str) -> dict[str, Any]:
-    share = 100 * figure.get_figwidth() / (WIDTHS["double"] / 25.4)
+    share = 100 * figure.get_figwidth() / (WIDTHS["double"] / _INCH)  # [%] of the width of the page
     return {"svg": svg_text(figure), "caption": caption, "share": share}
 
 

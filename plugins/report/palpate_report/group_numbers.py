@@ -67,7 +67,8 @@ def compare_runs(
 ) -> GroupComparison:
     """Return the comparison of groups of runs or curves with values, by a parameter [SI].
 
-    Raises ConfigurationError for an unknown unit of replication.
+    Each run is a unit of replication; of curves, which have cells, the units are named by the column `unit`, or one
+    that is found. Raises ConfigurationError for an unknown unit of replication.
     """
     by_group = {group: [run for run in runs if run.group == group] for group in groups}
     replication = RUN

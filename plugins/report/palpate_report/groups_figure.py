@@ -22,6 +22,8 @@ from palpate_kit.numerics.unit_group import UnitGroup
 from palpate_report.number_texts import readable
 
 _MAX_VECTOR_POINTS = 2000  # of a vector figure, a choice: more of them are drawn as pixels
+_MAX_HEIGHT, _HEIGHT_SHARE = 80.0, 0.7  # [mm] of the figure, and of its width: choices
+_SIDE = 0.6  # of the axis beyond the first and the last group, the distance of groups being 1: a choice
 _HALF_WIDTH = 0.3  # of a group, the distance of groups being 1: a choice
 _MARK_SPREAD = 0.8  # of the marks of a group to each side, of that half width: a choice
 _LETTER_WIDTH = 1.5  # [mm] of a label, in the style's font
@@ -42,7 +44,11 @@ class GroupsFigure:
 def folder_comparison(
     path: Path, by: str | None, parameter: str, unit: str | None, where: str | None, track: str | None
 ) -> GroupComparison:
-    """Return the comparison of groups of a folder of fits; raises UserError for anything else."""
+    """Return the comparison of groups of curves in a folder of fits, by a parameter of one track.
+
+    `by` is the column of the groups, `unit` that of the units of replication, `where` has filter words. Raises
+    UserError for an unknown name, or without a value.
+    """
     folder = FitFolder(path)
     choices = {"--by": folder.columns, "--track": folder.tracks, "--parameter": folder.values}
     for option, name in (("--by", by), ("--track", track), ("--parameter", parameter)):
@@ -65,7 +71,7 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
     """Return the figure of a comparison of a parameter with an SI unit, of a width [mm]; it reads in grey."""
     quantity = readable(parameter)
     symbol, factor = display_unit(unit)
-    figure, axes = figure_of(width=width, height=min(0.7 * width, 80.0))
+    figure, axes = figure_of(width=width, height=min(_HEIGHT_SHARE * width, _MAX_HEIGHT))
     axis = axes[0, 0]
     max_units = max(group.units for group in comparison.groups)
     mark_size = next((size for units, size in _MARK_SIZES if max_units <= units), _SMALL_MARK)
@@ -74,7 +80,7 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
     _label_groups(axis, [f"{group.name}\nn = {group.units}" for group in comparison.groups], width)
     axis.grid(visible=False, axis="x")
     axis.set(
-        xlim=(-0.6, len(comparison.groups) - 0.4),
+        xlim=(-_SIDE, len(comparison.groups) - 1 + _SIDE),
         ylabel=f"{quantity} [{symbol}]" if symbol else quantity,
     )
     points = "Values of single curves" if comparison.singles else f"Means of units ({comparison.unit})"
@@ -85,7 +91,8 @@ def groups_figure(comparison: GroupComparison, parameter: str, unit: str, width:
 def _draw_group(axis: Any, position: int, group: UnitGroup, factor: float, mark_size: float) -> None:
     """Draw a group about a position on the x axis: a bar for the interval, a line for the mean, a mark for each unit.
 
-    `factor` is how many of the figure's unit one SI unit is; `mark_size` is in points.
+    `factor` is how many of the figure's unit one SI unit is; `mark_size` and widths of lines are in points, greys from
+    0 (black) to 1.
     """
     sides = (position - _HALF_WIDTH, position + _HALF_WIDTH)
     low, high = (factor * bound for bound in group.interval)

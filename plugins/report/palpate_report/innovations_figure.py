@@ -33,7 +33,10 @@ class _Autocorrelation:
 
 
 def innovations(subject: Subject) -> ReportFigure | None:
-    """Innovations over their standard deviations over time, and their autocorrelation."""
+    """Return a figure of innovations over their standard deviations, over time, and of their autocorrelation.
+
+    None without a track that has innovations.
+    """
     autocorrelations = dict(_autocorrelations(subject))
     names = [name for name in subject.tracks if _innovation_count(subject.curves(name)) > _MIN_SAMPLES]
     if not names:

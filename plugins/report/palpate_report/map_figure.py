@@ -15,6 +15,9 @@ from palpate_report.figure_data import Curves, along, moving_samples, swept, thi
 from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, Subject
 from palpate_report.run_map import grid_of, surface_map_of
 
+_LINE_HEIGHT, _AREA_HEIGHT = 60.0, 75.0  # [mm] of the figures: choices
+_COLOUR_QUANTILES = [0.01, 0.99]  # of the values, between which the colours run: a choice, for single outliers
+
 
 def draw_map(subject: Subject) -> ReportFigure | None:
     """Return the map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found
@@ -34,9 +37,15 @@ def draw_map(subject: Subject) -> ReportFigure | None:
 
 
 def _line(subject: Subject, parameter: str, label: str, factor: float) -> ReportFigure:
-    figure, axes = figure_of(width=subject.width, height=60.0)
+    """Return the figure of a parameter along the line of a sweep, of all tracks that have it, where the tip moves.
+
+    `factor` is how many of the label's unit one SI unit is.
+    """
+    figure, axes = figure_of(width=subject.width, height=_LINE_HEIGHT)
     axis, settled, data = axes[0, 0], [], dict[str, Floats]()
-    for name in [name for name in subject.tracks if parameter in subject.record.tracks[name][1].values][:MAX_TRACKS]:
+    # A track is its table, and its columns.
+    names = [name for name in subject.tracks if parameter in subject.record.tracks[name][1].values]
+    for name in names[:MAX_TRACKS]:
         curves = subject.curves(name)
         coordinate = along(curves.place)
         if coordinate is None:
@@ -58,8 +67,8 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
             f"{name}:{parameter}_std": std / factor,
         }
     axis.set(xlabel="along the path [mm]", ylabel=label)
-    axis.set_ylim(common_limits(settled, 0.0))
-    legend_outside(axis, 4)
+    axis.set_ylim(common_limits(settled, settled_from=0.0))
+    legend_outside(axis, columns=4)
     return ReportFigure(
         figure, "Estimates along the path, with bands of two standard deviations by the estimator", data
     )
@@ -77,11 +86,12 @@ def _from_three_sides(subject: Subject, on_surface: SurfaceMap) -> ReportFigure:
 
 
 def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: float) -> ReportFigure:
+    """Return the figure of a parameter of the main track over the area of a run, with the lumps that were found."""
     grid = grid_of(subject.record, main, parameter)
-    figure, axes = figure_of(width=min(subject.width, WIDTHS["middle"]), height=75.0)
+    figure, axes = figure_of(width=min(subject.width, WIDTHS["middle"]), height=_AREA_HEIGHT)
     axis = axes[0, 0]
-    low, high = np.nanquantile(grid.value, [0.01, 0.99]) * factor
-    extent = [1e3 * edge for edge in grid.extent]
+    low, high = np.nanquantile(grid.value, _COLOUR_QUANTILES) * factor
+    extent = [1e3 * edge for edge in grid.extent]  # [mm] left, right, bottom, top
     shown = axis.imshow(
         factor * grid.value, origin="lower", extent=extent, vmin=low, vmax=high, interpolation="nearest"
     )

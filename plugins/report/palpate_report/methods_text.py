@@ -120,6 +120,10 @@ def _tip(pipeline: Pipeline) -> Phrase:
 
 
 def _zero(pipeline: Pipeline) -> Phrase:
+    """Return the sentence on the zero of the force, and on the delay between force and position.
+
+    A phrase is a tuple of texts and quantities.
+    """
     alignment = pipeline.alignment
     tare, std = alignment.tare, alignment.timing_uncertainty
     zero: Phrase
@@ -130,14 +134,14 @@ def _zero(pipeline: Pipeline) -> Phrase:
         zero = ("The zero of the force was ", Quantity(tare, "N"), *doubt)
     else:
         zero = ("The force was zeroed before contact",)
-    late = Quantity(alignment.force.delay - alignment.position.delay, "s", 3)
+    late = Quantity(alignment.force.delay - alignment.position.delay, "s", digits=3)
     if std is None:
         return (*zero, "; force and position were assumed to be simultaneous")
     if late.value:
-        delayed = ("; a delay of the force of ", late, " (standard uncertainty ", Quantity(std, "s", 3))
+        delayed = ("; a delay of the force of ", late, " (standard uncertainty ", Quantity(std, "s", digits=3))
         return (*zero, *delayed, ") was corrected")
     simultaneous = "; force and position were taken as simultaneous, with a standard uncertainty of "
-    return (*zero, simultaneous, Quantity(std, "s", 3))
+    return (*zero, simultaneous, Quantity(std, "s", digits=3))
 
 
 def _inertia(pipeline: Pipeline) -> Phrase:
@@ -166,6 +170,10 @@ def _mount(pipeline: Pipeline) -> Phrase:
 
 
 def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:
+    """Return the sentence on the model of the first track, by which the named values were estimated.
+
+    Its sources are cited, or stated in brackets where the bibliography does not have them.
+    """
     model = pipeline.tracks[0].model
     name = pipeline.registry.name_of(type(model))
     model_words = _MODELS.get(name, f"the contact model '{name.replace('-', ' ')}'")
@@ -183,6 +191,10 @@ def _model(values: Sequence[str], pipeline: Pipeline) -> Phrase:
 
 
 def _thickness(pipeline: Pipeline) -> Phrase:
+    """Return the sentence on the thickness of the specimens; empty for a model that has none.
+
+    A layer has height [m], law of the correction, and whether it is bonded to its base.
+    """
     model = pipeline.tracks[0].model
     if "thickness" not in type(model).model_fields:
         return ()
@@ -220,6 +232,7 @@ def _fit(pipeline: Pipeline) -> Phrase:
 
 
 def _exclusions(facts: FolderFacts) -> Iterator[str]:
+    """Yield sentences on the curves that were used and excluded, their verdicts, open facts and own settings."""
     every, used = len(facts.rows), len(facts.used)
     if every == used:
         yield f"All {every} {_curves(every)} were used."
@@ -240,7 +253,7 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
 
 def _verdicts(facts: FolderFacts) -> Iterator[str]:
     """Yield sentences on the verdicts of each value that is not good in all curves, and on shared findings."""
-    table = facts.table
+    table = facts.table  # of results, a row for each curve that is used
     for name in table.names:
         verdicts = Counter(
             value.word for row in table.rows if (value := row.values.get(name)) is not None and value.word
@@ -287,7 +300,10 @@ def _percent(share: float) -> str:
 
 
 def _sources(facts: FolderFacts) -> list[str]:
-    """Return the sources in the budget of a typical curve that move a value; none where it cannot be fitted here."""
+    """Return the sources of uncertainty, in words, that contribute to a value of a typical curve.
+
+    None of them where the curve cannot be fitted here.
+    """
     row = facts.typical(facts.values[0])
     try:
         outcome = outcome_of(facts.folder, row.curve) if row is not None else None

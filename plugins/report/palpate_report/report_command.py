@@ -108,7 +108,10 @@ def _runs_page(groups: Mapping[str, Sequence[Path]], track: str | None, anonymou
 
 
 def _write_texts(facts: FolderFacts, methods: bool, supplement: Path | None, by: str | None, unit: str | None) -> None:
-    """Write the methods section next to the fits, and the table of the supplement."""
+    """Write the methods section into the folder of fits, as text, LaTeX and BibTeX, and the table of the supplement.
+
+    `by` and `unit` name the columns of groups and of units of replication.
+    """
     if methods:
         from palpate_report.methods_text import UNSTATED, methods_text
 
@@ -155,7 +158,8 @@ def _page(record: RunContents, track: str | None, anonymous: bool) -> str:
 
 def print_pdf(page: Path, target: Path) -> None:
     """Print a page to a PDF; raises ConfigurationError without Chromium or Chrome, OutputError where it fails."""
-    browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    browsers = filter(None, map(shutil.which, _BROWSERS))
+    browser = next(browsers, None)
     if browser is None:
         raise ConfigurationError(
             f"--pdf: neither Chromium nor Chrome is on the PATH; open {page} in a browser and print it"

@@ -165,12 +165,13 @@ def _nan(value: Any) -> float:
 
 
 def _value(table: Mapping[str, Any]) -> UncertainValue:
+    """Return a value with its uncertainties from its table in ``result.json``; unknown numbers are NaN."""
     budget = {key.removeprefix("systematic_"): _nan(v) for key, v in table.items() if key.startswith("systematic_")}
     return UncertainValue(
         _nan(estimate_of(table)),
         _nan(table["std"]),
         table["unit"],
-        _nan(table["settling"]),
+        _nan(table["settling"]),  # [s]
         table.get("systematic"),
         budget,
         table.get("equivalent_delay"),
@@ -202,6 +203,7 @@ def _report(table: Mapping[str, Any]) -> FitReport:
 
 
 def _track(table: Mapping[str, Any]) -> TrackResult:
+    """Return the result of a track from its table in ``result.json``."""
     others = {
         "parameters": {name: _value(value) for name, value in table["parameters"].items()},
         "surface": _value(table["surface"]),

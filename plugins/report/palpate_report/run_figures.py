@@ -18,11 +18,18 @@ from palpate_report.map_figure import draw_map
 
 _CLOSE_UP = 4.0  # [s] of a long record whose force over time is drawn: a choice
 _MAX_DRAWN = 3  # tracks of one panel: a choice, more bands hide each other
+_MIN_LONG = 10.0  # close-ups in a record, from which on only one is drawn: a choice
+_DEPTH_HEIGHT, _TIME_HEIGHT = 65.0, 50.0  # [mm] of the figures: choices
+_TIME_BINS, _DEPTH_BINS = 40, 20  # of medians and quartiles: choices
+_MARGIN, _FLAT_MARGIN = 0.08, 0.1  # of the range of the forces, and [N] where they have none: choices
 _GREY = "0.6"
 
 
 def force_depth(subject: Subject) -> ReportFigure | None:
-    """Contact force over depth, measured and by the model of the main track, and both over time."""
+    """Return a figure of the contact force over depth, measured and by the model of the main track.
+
+    Of a sweep, whose material changes, the last seconds. None without a track, or with too few samples.
+    """
     if subject.main is None:
         return None
     curves = subject.curves(subject.main)
@@ -32,8 +39,9 @@ def force_depth(subject: Subject) -> ReportFigure | None:
     rows = rows[curves.time[rows] >= curves.time[rows][-1] - _long(curves)]
     rows = rows[thin_rows(len(rows), MAX_POINTS)]
     depth, force, model = 1e3 * curves.depth[rows], curves.force[rows], curves.model[rows]
-    figure, axes = figure_of(width=subject.width, height=65.0)
+    figure, axes = figure_of(width=subject.width, height=_DEPTH_HEIGHT)
     axis = axes[0, 0]
+    # The colours begin behind the grey points; sizes and widths of lines are in points.
     axis.plot(depth, force, ".", markersize=1.5, color=_GREY, label="measured")
     axis.set_prop_cycle(None)
     axis.plot(depth, model, linewidth=0.7, label=subject.main)
@@ -51,24 +59,27 @@ def _long(curves: Curves) -> float:
 
 
 def over_time(subject: Subject) -> ReportFigure | None:
-    """Contact force over time, measured and by the models."""
+    """Return a figure of the contact force over time, measured and by the models; of a long record the end of contact.
+
+    None without a track, or with fewer than two samples.
+    """
     if subject.main is None:
         return None
     main = subject.curves(subject.main)
     rows = np.flatnonzero(np.isfinite(main.force))
     if len(rows) < 2:
         return None
-    long = float(np.ptp(main.time[rows])) > 10 * _CLOSE_UP
+    long = float(np.ptp(main.time[rows])) > _MIN_LONG * _CLOSE_UP
     if long:
         end = float(main.time[np.flatnonzero(main.used)[-1]]) if main.used.any() else float(main.time[rows][-1])
         rows = rows[(main.time[rows] <= end) & (main.time[rows] >= end - _CLOSE_UP)]
     rows = rows[thin_rows(len(rows), MAX_POINTS)]
-    figure, axes = figure_of(width=subject.width, height=50.0)
+    figure, axes = figure_of(width=subject.width, height=_TIME_HEIGHT)
     axis = axes[0, 0]
     axis.plot(main.time[rows], main.force[rows], ".", markersize=1.5, color=_GREY, label="measured")
     axis.set_prop_cycle(None)
     data = {"time_s": main.time[rows], "force_N": main.force[rows]}
-    for name in subject.tracks[:3]:
+    for name in subject.tracks[:_MAX_DRAWN]:
         curves = subject.curves(name)
         if not curves.used.any():
             continue
@@ -78,13 +89,13 @@ def over_time(subject: Subject) -> ReportFigure | None:
         data[f"{name}:force_N"] = shown
     axis.set(xlabel="time [s]", ylabel="contact force [N]")
     axis.set_ylim(_around(main.force[rows]))
-    legend_outside(axis, 4)
+    legend_outside(axis, columns=4)
     caption = f"Contact force over time{f', the last {_CLOSE_UP:g} s of contact' if long else ''}"
     return ReportFigure(figure, caption, data)
 
 
 def residuals(subject: Subject) -> ReportFigure | None:
-    """Measured less model over time and over depth, by medians and quartiles."""
+    """Return a figure of the residual, measured less model, over time and over depth, by medians and quartiles."""
     tracks = [subject.curves(name) for name in subject.tracks]
     tracks = [curves for curves in tracks if np.isfinite(curves.residual[curves.settled]).any()][:_MAX_DRAWN]
     if not tracks:
@@ -92,8 +103,8 @@ def residuals(subject: Subject) -> ReportFigure | None:
     figure, (time_axis, depth_axis) = pair(subject, 2)
     data: dict[str, Floats] = {}
     for curves in tracks:
-        data |= _draw_quartiles(time_axis, curves, curves.time, 1.0, "time_s", bins=40)
-        data |= _draw_quartiles(depth_axis, curves, curves.depth, 1e3, "depth_m", bins=20)
+        data |= _draw_quartiles(time_axis, curves, curves.time, 1.0, "time_s", _TIME_BINS)
+        data |= _draw_quartiles(depth_axis, curves, curves.depth, 1e3, "depth_m", _DEPTH_BINS)
     for axis, label in ((time_axis, "time [s]"), (depth_axis, "depth [mm]")):
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
         axis.set(xlabel=label)
@@ -108,7 +119,8 @@ def _draw_quartiles(
 ) -> dict[str, Floats]:
     """Draw medians and quartiles of a track's residual over an abscissa (n,) [SI], and return them by column [SI].
 
-    `scale` is how many of the axis' unit one of SI is; the columns are called after that of the abscissa.
+    `scale` is how many of the axis' unit one of SI is; the columns are called after `column`, that of the abscissa, by
+    its first letter: "residual_t_N" over time.
     """
     rows = curves.settled
     x, (low, median, high) = quartiles(abscissa[rows], curves.residual[rows], bins)
@@ -125,7 +137,7 @@ def _draw_quartiles(
 
 def _around(values: Floats) -> tuple[float, float]:
     low, high = np.nanmin(values), np.nanmax(values)
-    margin = 0.08 * (high - low) or 0.1
+    margin = _MARGIN * (high - low) or _FLAT_MARGIN
     return float(low - margin), float(high + margin)
 
 

@@ -15,6 +15,7 @@ from palpate_report.figure_data import Curves
 from palpate_report.run_contents import RunContents
 
 _MAX_CELLS = 60  # of the longer side of a map: a choice
+_HALF_CELL = 5e-4  # [m] of a map with a single row or column: a choice
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Grid:
     @property
     def extent(self) -> tuple[float, float, float, float]:
         """Edges [m]: left, right, bottom, top."""
-        half = [0.5 * (axis[1] - axis[0]) if len(axis) > 1 else 5e-4 for axis in (self.x, self.y)]
+        half = [0.5 * (axis[1] - axis[0]) if len(axis) > 1 else _HALF_CELL for axis in (self.x, self.y)]
         return (
             float(self.x[0] - half[0]),
             float(self.x[-1] + half[0]),

@@ -35,7 +35,8 @@ _MAX_CHARACTERS = 300_000  # of a pipeline on the page: a choice
 def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = None) -> Subject:
     """Return the subject of a run's pictures: the track chosen, or the best one, then the others by their level.
 
-    Tracks that must not be used are drawn only if no others exist.
+    `verdict` has the levels good, doubtful and invalid of the tracks. Tracks that must not be used are drawn only if no
+    others exist.
     """
     ranked = [track_verdict.track for level in verdict.levels for track_verdict in verdict.of(level)]
     names = [name for name in ranked if name in record.tracks] or list(record.tracks)
@@ -50,8 +51,12 @@ def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = Non
 
 
 def page_of(record: RunContents, track: str | None = None, anonymous: bool = False) -> str:
-    """Return the whole page of one run."""
+    """Return the whole page (HTML) of one run; an `anonymous` one is without host and paths.
+
+    `track` is shown first, by default the best.
+    """
     subject = subject_of(record, judge(record), track)
+    # A veil takes host and paths out of texts and documents.
     veil = Anonymous(record.document, record.resolved, record.path) if anonymous else Unchanged()
     document = veil.tree(record.document)
     tables = document.get("tracks", {})

@@ -41,8 +41,12 @@ def _column(cells: Sequence[str]) -> Column:
 
 
 def supplement_table(facts: FolderFacts) -> Table:
-    """Curve, its columns of ``curves.csv``, values with combined uncertainty, residual, verdict, whether it is used."""
+    """Return the table of curves: name, columns of ``curves.csv``, values ± combined uncertainty, residual, verdict.
+
+    The last column is "yes" for a curve that is used, else the reason why it is not.
+    """
     folder = facts.folder
+    # Unit and factor from SI of each value.
     shown = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
     heads = [f"{readable(name)}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]
     columns = folder.columns

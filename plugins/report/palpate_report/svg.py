@@ -29,6 +29,7 @@ def svg_text(figure: Any) -> str:
         figure.set_layout_engine(None)
         figure.savefig(file, format="svg", metadata={"Date": None})
     text = _METADATA.sub("", _HEAD.sub("", file.getvalue(), count=1), count=1)
+    # Coordinates to a hundredth of a point.
     text = _PATH.sub(lambda path: _NUMBER.sub(lambda number: f"{float(number[0]):.2f}", path[0]), text)
     # Names of groups would be there once for each picture of the page; clip paths and markers are named by contents.
     return _SPACE.sub("\n", _NAMED.sub("", text))

@@ -24,6 +24,7 @@ _COLUMNS = 3  # panels side by side
 _MAX_EXCLUDED = 6  # curves that are not used, of which each reason has one first
 _MAX_POINTS = 1500  # of a curve
 _MAX_LETTERS = 34  # of a title
+_USED_HEIGHT, _EXCLUDED_HEIGHT = 44.0, 48.0  # [mm] of a row of panels
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,10 @@ def outcome_of(folder: FitFolder, curve: str) -> RecordOutcome:
 
 
 def drawing(folder: FitFolder, row: CurveRow, rank: str) -> CurveDrawing:
-    """Return a curve as its fit sees it."""
+    """Return a curve as its fit sees it, fitted again; `rank`, such as "best", begins its title.
+
+    The force is measured, less the offset that the fit has found. A curve that cannot be read has an error.
+    """
     title = f"{rank}: {_short(row.curve)}"
     nothing = np.zeros(0)
     file = folder.file_of(row.curve)
@@ -75,6 +79,7 @@ def drawing(folder: FitFolder, row: CurveRow, rank: str) -> CurveDrawing:
     track = outcome.result.tracks[name]
     blocks = [block.force for block in outcome.estimates.get(name, ())]
     model = np.concatenate(blocks) if track.usable and blocks else np.full(len(samples), np.nan)
+    # Without a usable surface the depth counts from the highest position.
     surface = track.surface.value if track.usable and np.isfinite(track.surface.value) else np.nanmax(samples.position)
     # What a fit takes for offset and drift is not a force of the contact.
     bias = track.report.table().get("bias", 0.0) if track.report is not None else 0.0
@@ -88,8 +93,11 @@ def _short(name: str) -> str:
 
 @style()
 def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
-    """Force with its model over depth, and the residual below, of curves side by side."""
-    figure, axes = figure_of(len(drawings), 2, width=WIDTHS["double"], height=44.0)
+    """Return a figure of force with its model over depth, and the residual below, of curves side by side.
+
+    Sizes of marks and widths of lines are in points.
+    """
+    figure, axes = figure_of(len(drawings), 2, width=WIDTHS["double"], height=_USED_HEIGHT)
     for column, curve in enumerate(drawings):
         above, below = axes[0, column], axes[1, column]
         _draw_force(above, curve)
@@ -105,10 +113,10 @@ def used_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
 
 @style()
 def excluded_curves_figure(drawings: Sequence[CurveDrawing]) -> Any:
-    """Force over depth of curves that are not used."""
+    """Return a figure of force over depth of curves that are not used, at most three side by side."""
     columns = min(_COLUMNS, len(drawings))
     rows = -(-len(drawings) // columns)
-    figure, axes = figure_of(columns, rows, width=WIDTHS["double"] * columns / _COLUMNS, height=48.0)
+    figure, axes = figure_of(columns, rows, width=WIDTHS["double"] * columns / _COLUMNS, height=_EXCLUDED_HEIGHT)
     for axis, curve in zip(axes.ravel(), drawings, strict=False):
         _draw_force(axis, curve)
         axis.set(xlabel="depth [mm]")

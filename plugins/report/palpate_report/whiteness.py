@@ -21,7 +21,7 @@ def innovations(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """
     findings = {}
     for track in tracks:
-        kept = track.kept
+        kept = track.kept  # the samples of the record that are held, (n,) each
         if not kept.used.any():
             continue
         begin, end = kept.time[kept.used][[0, -1]].tolist()
@@ -40,11 +40,12 @@ def autocorrelation(index: np.ndarray, values: Floats) -> tuple[list[float], int
     Pairs over a gap, or with a value that is not known, do not count.
     """
     runs = np.split(values, np.flatnonzero(np.diff(index) != 1) + 1)
+    # Behind each run as many unknown values as the longest lag, so that no pair lies over a gap.
     values = np.concatenate([part for run in runs for part in (run, np.full(LAGS, np.nan))])
     is_finite = np.isfinite(values).astype(float)
     values = np.where(is_finite > 0, values, 0.0)
     count, square = int(is_finite.sum()), float(values @ values)
-    shares = []
+    shares = []  # of the variance
     for lag in range(1, LAGS + 1):
         pairs = float(is_finite[lag:] @ is_finite[:-lag])
         mean = float(values[lag:] @ values[:-lag]) / pairs if pairs else 0.0
