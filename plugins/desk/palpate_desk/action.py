@@ -55,7 +55,10 @@ def where_curve(name: str) -> str:
 
 
 def _words(action: Action, folder: str, quote: Callable[[str], str]) -> Iterator[str]:
-    """Yield the words of a command line; `quote` quotes all but the folder, which is quoted already."""
+    """Yield the words of an action's command line, with `folder` in place of the mark OUT.
+
+    `quote` quotes all words but the folder, which is quoted already.
+    """
     yield from ("palpate", *action.command.split())
     source = f"./{action.source}" if action.source.startswith("-") else action.source
     yield folder if source == OUT else quote(source)

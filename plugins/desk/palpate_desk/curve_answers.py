@@ -86,7 +86,10 @@ def _modelled(outcome: RecordOutcome) -> tuple[Floats, NDArray[np.float32]]:
 
 
 def _facts(outcome: RecordOutcome) -> dict[str, Any]:
-    """Return surface [m], noise before contact [N], flags, budget and open facts of the first track."""
+    """Return surface [m], noise before contact [N], flags, budget and open facts of the first track, for the page.
+
+    "raw" is True for a curve that was only read. The budget has the share [%] of each source by value.
+    """
     track = outcome.result.tracks[str(outcome.pipeline.tracks[0].name)]
     flags = [
         {"code": flag.code, "severity": flag.severity, "message": flag.message}
@@ -123,9 +126,9 @@ def _noise_before_contact(samples: Samples, surface: float | None) -> float | No
 
 
 def _readings(reader: CurveReader, curve: Curve) -> tuple[Floats, NDArray[np.float32]]:
-    """Return time (n,) [s] and columns (3, n) as in `CurveAnswer`, before any alignment, with a model of NaN.
+    """Return time (n,) [s] and columns (3, n) of a curve as its device reads it, before any alignment.
 
-    Both are empty where reading fails, too.
+    The columns are height [m], force [N], and the model's force, which is NaN. Both are empty where reading fails, too.
     """
     empty = np.zeros(0), np.zeros((3, 0), np.float32)
     try:
@@ -140,6 +143,7 @@ def _readings(reader: CurveReader, curve: Curve) -> tuple[Floats, NDArray[np.flo
     batches = [batch for batch in batches if batch.stream == batches[0].stream] if batches else []
     if not batches:
         return empty
+    # Time from the first reading on.
     values = np.concatenate([batch.values for batch in batches])
     stamps = np.concatenate([batch.time for batch in batches]) - int(batches[0].time[0])
     time: Floats = np.asarray(_NANOSECOND * stamps, dtype=np.float64)

@@ -47,7 +47,10 @@ _TEXT_ARGUMENTS = {"--where": "where", "--tip": "tip", "--model": "model", "--re
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[IO[bytes]]:
-    """Hold the lock of a folder, which one desk at a time may have, even after a kill; raises OutputError."""
+    """Hold the lock of a folder, which one desk at a time may have; raises OutputError if another process has it.
+
+    The lock file has the process's number. The system releases the lock when the process ends, even by a kill.
+    """
     with file_in_place(path / _LOCK) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -241,7 +244,10 @@ def _mark_action(curve: str, mark: str, reason: str) -> Action:
 
 
 def run_action(action: Action, path: Path) -> None:
-    """Change marks or settings of a folder as a command does, if the gate permits it; raises UserError."""
+    """Change marks or settings of a folder as the action's command does, if the gate permits it; raises UserError.
+
+    Marks are written; any other command is called as a function, with its options as arguments.
+    """
     demand_allowed(action)
     if action.command == "repeat review":
         options = dict(action.options)

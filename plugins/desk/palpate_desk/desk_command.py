@@ -86,7 +86,8 @@ def _make_fits(
 ) -> Path:
     """Return a new folder of fits of the curves of `source`, none of which is fitted yet; raises UserError.
 
-    The command that makes it is the first of its history.
+    A `pipeline` is how to read and fit them; else the `tip` and a `model`, with settings in `overrides`. The command
+    that makes the folder is the first of its history.
     """
     if not source.exists():
         raise ConfigurationError(f"{source}: no such file or folder")

@@ -32,6 +32,7 @@ from palpate_desk.folder_view import exported, folder_message, row_messages
 from palpate_desk.refits import Refits, Worker
 
 _MAX_PAGES = 16  # a choice
+_TOKEN_SIZE = 16  # random bytes in the address, a choice: nobody guesses 128 bits
 _MAX_CACHED_CURVES = 64  # whose samples are kept, a choice: some 5 MB
 _FILE_CHECK_INTERVAL = 1.0  # [s] between two looks whether files have changed: a choice
 _CLOSE_TIMEOUT = 1.0  # [s] for browsers to receive the last messages: a choice
@@ -47,7 +48,7 @@ class DeskServer:
 
     def __init__(self, desk: Desk, read_only: bool, workers: int | None) -> None:
         self.desk, self.read_only = desk, read_only
-        self.token = secrets.token_urlsafe(16)
+        self.token = secrets.token_urlsafe(_TOKEN_SIZE)
         self._pages: dict[ServerConnection, page_messages.CurveQuestion | None] = {}  # latest question of each page
         self._cache: OrderedDict[tuple[str, str], CurveAnswer] = OrderedDict()  # by name and settings, last used last
         self._worker = Worker()
@@ -61,7 +62,10 @@ class DeskServer:
         }
 
     async def run(self, listener: socket.socket) -> None:
-        """Serve the pages until cancelled; then end them, and compact the tables."""
+        """Serve the pages until cancelled; then end them, and compact the tables of fits.
+
+        A message has a size limit; a browser has a time to greet, and one to take the last messages.
+        """
         logger = logging.getLogger("palpate_desk")  # of websockets, whose errors the pages get
         logger.disabled = True
         async with serve(
@@ -123,7 +127,11 @@ class DeskServer:
             self._tell(message) if page is None else self._send(page, message)
 
     async def _answer(self, page: ServerConnection, text: str | bytes, has_question: asyncio.Event) -> None:
-        """Answer a message of a page; a question for a curve sets the event."""
+        """Answer a message of a page, if it is one of the permitted ones; errors are sent to the page.
+
+        A question for a curve is kept, and sets the event `has_question`. Other messages ask for filtered names, open
+        facts, a comparison, groups or an export, or order a refit, a fact or a change of marks or settings.
+        """
         with self._reported_errors(page):
             message = page_messages.read_message(text)
             if self.read_only and not isinstance(message, page_messages.READ_ONLY_MESSAGES):

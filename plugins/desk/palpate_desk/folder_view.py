@@ -76,7 +76,10 @@ def _row_message(row: CurveRow, units: dict[str, str], force_factor: float) -> d
 
 
 def folder_message(desk: Desk) -> dict[str, Any]:
-    """Return the message with everything that the page shows of a folder."""
+    """Return the message with everything that the page shows of a folder: rows in display units, settings, own ones.
+
+    The first fit among the estimators is named, with the segment of a curve that it fits.
+    """
     folder = desk.folder
     parts_registry = registry.load()
     tables = tomllib.loads(folder.settings_text())
@@ -129,7 +132,7 @@ async def exported(desk: Desk, message: page_messages.Question) -> dict[str, Any
     if isinstance(message, page_messages.GroupsQuestion):
         action = Action("repeat", (("--by", message.by), ("--parameter", message.parameter), ("--json", "")))
         statistics = json.loads(await _output(action, desk))
-        factor = display_unit(statistics["unit"])[1]
+        factor = display_unit(statistics["unit"])[1]  # from SI
         return {"kind": "groups", "found": statistics, "factor": factor, "command": action.text_for(str(desk.path))}
     if isinstance(message, page_messages.CompareQuestion):
         action = _comparison(desk, message)
@@ -181,6 +184,7 @@ async def _output(action: Action, desk: Desk) -> str:
     """
     demand_allowed(action)
     process = await asyncio.create_subprocess_exec(
+        # -P: nothing is imported from the current folder.
         sys.executable, "-P", "-c", _COMMAND, " ".join(desk.folder.approved), *action.words(str(desk.path)),
         stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip

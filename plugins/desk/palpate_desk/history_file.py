@@ -39,7 +39,7 @@ class ActionHistory:
         self._whole_lines()
 
     def append(self, action: Action) -> None:
-        """Add an action; raises LogError, OutputError."""
+        """Add an action as a row: number, time, command; raises LogError, OutputError."""
         text = self._whole_lines()
         time = datetime.now(UTC).isoformat(timespec="milliseconds")
         addition = io.StringIO()

@@ -75,7 +75,10 @@ class Refits:
         self.done = self.count = 0  # curves
 
     async def fit(self, curves: Iterable[tuple[CurveReader, Curve]]) -> None:
-        """Fit curves, each by its reader, until all are done, or until `cancel`."""
+        """Fit curves, each by its reader, until all are done, or until `cancel`.
+
+        A reader is a pipeline as plain data. For each 100 curves one more process is started, for this time.
+        """
         self._pending = deque(curves)
         self.done = 0
         self.count = len(self._pending)

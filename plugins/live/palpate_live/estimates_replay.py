@@ -29,7 +29,11 @@ class RecordedRun:
 
 
 def read_tables(source: Path) -> RecordedRun | None:
-    """Return the tables of a run folder; None where it has a log, or no table. Raises LogError for a damaged one."""
+    """Return the run of a folder by its tables of estimates; None where it has a log, or no table.
+
+    The online table has the samples and the tracks that were estimated during the run, another one offline tracks.
+    Raises LogError for a damaged table, or without a result.
+    """
     folder = RunFolder(source)
     if not source.is_dir() or any(source.glob("*.mcap")):
         return None
@@ -56,7 +60,10 @@ def _parameters(table: TrackTable, track_result: Mapping[str, Any]) -> tuple[Par
 
 
 def send_recorded_run(recorded: RecordedRun, feed: PageFeed) -> bool:
-    """Send all of a recorded run to the page, in the order of a live one. Return True: its end is always reached."""
+    """Send all of a recorded run to the page by its feed: samples, estimates, health of the devices, result.
+
+    The order is that of a live run. Return True: the end is always reached.
+    """
     tracks = {track: recorded.online.track(track) for track in recorded.online.tracks}
     samples = _samples(recorded.online, list(tracks.values()))
     estimates = {track: _estimates(table) for track, table in tracks.items()}
@@ -95,7 +102,7 @@ def _samples(table: EstimatesTable, tracks: list[TrackTable]) -> Samples:
         velocity=measured["velocity"],
         contact=contact,
         active=contact,
-        lateral=table.numbers[:, 1:3],  # x and y follow the time
+        lateral=table.numbers[:, 1:3],  # x and y [m] follow the time
     )
 
 

@@ -124,7 +124,10 @@ class Channels:
                 yield channel, stamp, _json_bytes({"time": seconds, **finite})
 
     def _flag_entries(self, header: Header, now: int) -> Iterator[Entry]:
-        """Yield each flag of a track once, when it rises."""
+        """Yield each flag of a track once, when it rises, as a foxglove.Log at a time `now` [ns].
+
+        `header` is the message with all current flags of the track, or of the record (None).
+        """
         track = header["track"]
         flags = {flag["code"]: flag for flag in header["flags"]}
         previous, self._raised[track] = self._raised.get(track, set()), set(flags)
@@ -161,7 +164,11 @@ class Bridge:
         listen(run, self._take, self.over)
 
     def _take(self, message: bytes) -> None:
-        """Send a message of the run to the subscribed viewers, and keep it if a late viewer needs it."""
+        """Send a message of the run to the subscribed viewers, and keep it if a late viewer needs it.
+
+        A message is a header, a JSON object of a kind, with or without rows of numbers. An entry is the number of a
+        channel, the time [ns], and the JSON of the channel.
+        """
         header, rows = unpack(message)
         if header["kind"] == "run":
             self._name = header["name"]

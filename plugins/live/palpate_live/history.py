@@ -41,7 +41,11 @@ class History:
         return self._time[: self._count], self._columns[:, : self._count]
 
     def add(self, message: bytes) -> str:
-        """Remember a message's contents, and return its kind."""
+        """Remember a message's contents, and return its kind.
+
+        The first message, "run", states the number of columns. "rows" are appended; "later" are those of an offline
+        estimator for columns from "begin" on; of some kinds the latest counts, the others are kept in their order.
+        """
         header, rows = unpack(message)
         kind = header["kind"]
         if kind == "run":

@@ -24,7 +24,10 @@ class PageFeed:
     """A run's data as messages for the page."""
 
     def __init__(self, run: Run, send: Send, meanings: Mapping[str, FlagMeaning], recorded: bool = False) -> None:
-        """Describe a run to the page; `send` takes each message, `meanings` are those of flags by their codes."""
+        """Describe a run to the page; `send` takes each message, `meanings` are those of flags by their codes.
+
+        `recorded` is True for a run that is over, of which the page shows and keeps the whole.
+        """
         self._send, self._meanings = send, meanings
         self.by_record = recorded
         self._columns = RowColumns(run.tracks)
@@ -62,7 +65,7 @@ class PageFeed:
 
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Add a track's estimates of the block; keep those of an offline estimator, which are of the whole record."""
-        samples = self._samples
+        samples = self._samples  # the latest block; estimates of it are at the same times
         is_block = samples is not None and len(estimates) == len(samples) and estimates.time[0] == samples.time[0]
         rows_are_sent = len(self._row_samples) and not self._blocks
         if not is_block or rows_are_sent:

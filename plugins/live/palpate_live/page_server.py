@@ -55,7 +55,7 @@ def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Even
         """Read until no datagram waits."""
         while True:
             try:
-                message = run.recv(2 * LARGEST)
+                message = run.recv(2 * LARGEST)  # [bytes], more than any datagram of a run
             except BlockingIOError:
                 return
             except OSError:
@@ -156,7 +156,11 @@ async def serve_run(
     subprotocols: Sequence[Subprotocol] | None = None,
     max_request: int = _MAX_REQUEST,
 ) -> None:
-    """Serve a run until it ends; messages of viewers have at most `max_request` bytes."""
+    """Serve the viewers of a run until it ends; their messages have at most `max_request` bytes.
+
+    Viewers connect to the `listener`; the run's messages come from the socket `run`. `token` is part of the address, by
+    which a viewer is admitted. `make_server` returns the page's server, or another one.
+    """
     server = make_server(run, token)
     silent = logging.getLogger("palpate_live")  # foreign requests are not worth a note, and would fill a file
     silent.disabled = True

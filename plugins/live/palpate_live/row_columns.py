@@ -63,7 +63,8 @@ class RowColumns:
     def track_rows(estimates: Estimates, rows: NDArray[np.intp], unmodelled: Floats) -> Table:
         """Return a track's columns (n, columns of the track) of chosen estimates (n,); NaN where they are not usable.
 
-        `unmodelled` (k,) are the standard uncertainties of the parameters that the estimator does not know.
+        Values (k), combined standard uncertainties (k), and `PER_TRACK` follow each other. `unmodelled` (k,) are the
+        standard uncertainties of the parameters that the estimator does not know.
         """
         count = estimates.values.shape[1]
         table = np.empty((len(rows), RowColumns.width(count)), np.float32)
@@ -88,7 +89,11 @@ def choose_rows(time: Floats, last_bin: float) -> tuple[NDArray[np.intp], float]
 
 
 def describe_run(run: Run, recorded: bool) -> dict[str, Any]:
-    """Return the first message of a run: its name, its tracks with their columns, and the skin below it."""
+    """Return the first message of a run: its name, its tracks with their columns, and the skin below it.
+
+    A track's "begin" is the index of its first column. The skin is a grid over the `extent` of the run, where both a
+    surface and the extent are known; lumps are those of the maps of a recorded run.
+    """
     columns = RowColumns(run.tracks)
     first_columns = columns.first_columns
     tracks = []

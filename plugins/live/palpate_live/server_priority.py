@@ -18,8 +18,8 @@ _NICENESS = 5  # of 0 to 19, of ordinary priority: below other programs; a choic
 def raise_priority(loop: asyncio.AbstractEventLoop, spell: float = _WORK_TIME, pause: float = _PAUSE) -> None:
     """Let the loop's thread be woken before other programs from now on, where that is permitted.
 
-    The kernel measures how long it works without waiting for anything, and signals SIGXCPU after a `spell` [s]
-    (RLIMIT_RTTIME): then it is an ordinary process of low priority for a `pause` [s].
+    It has real-time priority. The kernel measures how long it works without waiting for anything, and signals SIGXCPU
+    after a `spell` [s] (RLIMIT_RTTIME): then it is an ordinary process of low priority for a `pause` [s].
     """
     os.nice(_NICENESS)
 

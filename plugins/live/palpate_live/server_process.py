@@ -24,6 +24,7 @@ _LIBC.send.restype = ctypes.c_ssize_t
 # Choices.
 _SEND_BUFFER = 1 << 20  # bytes that may wait for the process, where Linux permits
 _END_TIMEOUT = 2.0  # [s] in which it has to end
+_TOKEN_SIZE = 16  # random bytes in the address: nobody guesses 128 bits
 _MAX_REQUEST = 256  # bytes of a request from the page
 
 
@@ -47,12 +48,13 @@ class PageServer:
     ) -> None:
         """Listen on 127.0.0.1, start the process; raises OutputError where the port is taken.
 
-        `stop` is called from a thread on a request from the page; a `patient` sender waits for the process.
+        `stop` is called from a thread with a request from the page; a `patient` sender waits for the process, any other
+        one drops messages. `served` is the kind of server.
         """
         self.sent = self.dropped = 0
         self.lost: str | None = None  # the reason why nothing is sent any more
         self._stop, self._patient, self.served = stop, patient, served
-        self.token = secrets.token_urlsafe(16)
+        self.token = secrets.token_urlsafe(_TOKEN_SIZE)
         with _open_listener(port, served.name) as listener:
             self.port: int = listener.getsockname()[1]
             self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _PANEL_INTERVAL = 0.25  # [s] between two pictures of the panel
 _LINE_INTERVAL = 5.0  # [s] between two lines without a terminal
 _MIN_BACKLOG = 0.5  # [s] of the estimates, from which on it is shown
+_BAR_WIDTH = 60  # characters of the bar of progress
 _JOIN_TIMEOUT = 1.0  # [s] for a terminal that takes nothing
 _PHASES = {"standstill": "standstill", "motion": "moving", "tripped": "stopped by the guard", "over": "motion is over"}
 
@@ -164,7 +165,8 @@ class Watcher:
         return ", ".join(code if count == 1 else f"{code} x {count}" for code, count in counts.items())
 
     def line(self) -> str:
-        """Return the state of the run in one line."""
+        """Return the state of the run in one line: time, tip, values of each track, flags ("every track": of the
+        record)."""
         parts = [f"{self._time}; {self._tip}" if self._tip else self._time]
         for track, parameters in self._tracks.items():
             if not np.isfinite(self._values[track][0]).all():
@@ -188,7 +190,7 @@ class Watcher:
         text_lines = [Text(line, "bold red" if self.calls_for_stop else "") for line in (self._time, self._tip) if line]
         if self._codes(None):
             text_lines.append(Text(f"every track: {self._codes(None)}", "yellow"))
-        bar = [ProgressBar(self.total, min(self.now, self.total), width=60)] if self.total else []
+        bar = [ProgressBar(self.total, min(self.now, self.total), width=_BAR_WIDTH)] if self.total else []
         return Group(self._track_table(), *text_lines, *bar)
 
     def _track_table(self) -> Table:

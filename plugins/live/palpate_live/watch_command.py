@@ -76,7 +76,10 @@ def _recorded_feed(run: Run, server: PageServer) -> PageFeed:
 
 
 def _replay_log(server: PageServer, pipeline: Pipeline, source: Path) -> bool:
-    """Estimate a record again, and send all of it to the page; return True if its end was reached."""
+    """Estimate a record again, and send all of it to the page; return True if its end was reached.
+
+    `source` is the run folder or the log. Files of this run go to a temporary folder.
+    """
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     surface, extent = skin_and_extent(source)
     run = Run(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name, extent=extent, surface=surface)
