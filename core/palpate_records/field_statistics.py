@@ -21,6 +21,7 @@ class FieldStatistics:
     """Statistics of each field of a topic; values that are not finite are only counted."""
 
     def __init__(self, names: Sequence[str]) -> None:
+        """Begin without values, for fields of these names; arrays have an entry for each field."""
         self.names = tuple(names)
         count = len(self.names)
         self._finite_counts = np.zeros(count, np.int64)

@@ -60,6 +60,7 @@ class _TopicStatistics:
     """Statistics of one topic, in memory that does not grow."""
 
     def __init__(self, topic: Topic, decoder: MessageDecoder | None, note: str = "") -> None:
+        """Begin without messages; a topic without a decoder has a note on the reason."""
         self.topic = topic
         self.decoder = decoder
         self.note = note

@@ -33,9 +33,10 @@ def network_device(address: str, port: int) -> str:
 
 
 def reserve(device: str, program: int, folder: Path = FOLDER) -> None:
-    """Keep a device for this process, on behalf of a program by its process number.
+    """Keep a device for this process by a lock on a file, which names the `program` (process number) that has it.
 
-    Raises DeviceError naming the program that has it. A file of a process that has ended is not a lock.
+    The lock is held until this process ends. Raises DeviceError naming the program that has it. A file of a process
+    that has ended is not a lock.
     """
     path = folder / f"palpate-{re.sub(r'[^A-Za-z0-9.]+', '-', device).strip('-')}.lock"
     if str(path) in _held:

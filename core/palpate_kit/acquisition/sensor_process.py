@@ -45,6 +45,7 @@ class SensorProcess:
     @contextmanager
     def link(self) -> Iterator[Link]:
         """Yield the sensor, streaming; raises DeviceError where it does not get ready."""
+        # A row of the ring: two times, then the values of each stream; `task` has the settings of the process.
         row = Layout(**{_HOST: 1, _SENSOR: 1, **{stream.name: len(stream.channels) for stream in self.streams}})
         task = {
             "reader": class_place(self.reader),

@@ -36,6 +36,7 @@ class SimulatedProcess:
         pid: int,
         closed: Callable[[], None] | None = None,
     ) -> None:
+        """Start a thread that runs a module's `main` with `arguments`: open files, then settings (JSON)."""
         self.returncode: int | None = None
         self.pid, self.name = pid, name
         self._clock, self._module, self._arguments = clock, module, arguments

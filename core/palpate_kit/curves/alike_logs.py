@@ -72,7 +72,7 @@ def alike_logs(
 ) -> list[AlikeLogs[Log]]:
     """Return groups of logs with equal devices and alignments, the largest group first.
 
-    A log that `suggest` cannot read is entered in `refused`, with its error.
+    `suggest` finds how a log is read. A log that `suggest` cannot read is entered in `refused`, with its error.
     """
     groups: dict[str, AlikeLogs[Log]] = {}
     for log in logs:

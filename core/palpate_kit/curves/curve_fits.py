@@ -166,7 +166,10 @@ def curve_outcome(tracks: RecordTracks, device: str, curve: Curve) -> RecordOutc
 
 
 def _track_cells(outcome: RecordOutcome, name: str) -> Row:
-    """Return the cells of a track: numbers if it is usable, its verdicts, and every flag that concerns it."""
+    """Return the cells of a track in ``fits.csv``: numbers [SI] if it is usable, its verdicts, and every flag on it.
+
+    `outcome` has the samples and the results of all tracks of a curve.
+    """
     track = outcome.result.tracks[name]
     flags: tuple[Flag, ...] = (*outcome.result.flags, *track.flags)
     numbers: dict[str, float] = {}

@@ -28,10 +28,10 @@ Entries = dict[str, dict[str, str]]  # cells by column, by the name of the curve
 
 
 def read_list(path: Path, known: Collection[str] | None = None) -> Entries:
-    """Return the cells of every curve by column; none without the file.
+    """Return the cells of every curve in a list (``curves.csv``) by column; none without the file.
 
-    Raises LogError for a table without a column `curve`, a row with more cells than columns, a curve that is listed
-    twice, or one without a file that is not among the `known`.
+    Its first line names the columns. Raises LogError for a table without a column `curve`, a row with more cells than
+    columns, a curve that is listed twice, or one without a file that is not among the `known`.
     """
     if not path.is_file():
         return {}

@@ -64,7 +64,7 @@ def fit_rows(
     pool: Pool | None = None,
     order: Sequence[str] | None = None,
 ) -> int:
-    """Fit the named curves that have no row by their present settings; return their number.
+    """Fit the named curves that have no row by their present settings, and add their rows; return their number.
 
     The `pool` fits them, else a number of `workers`: by default one for fewer than FEW curves, and one per core for
     more. The rows of the table are then in the `order` of names, by default that of the folder. Raises UserError.

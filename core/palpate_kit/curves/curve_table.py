@@ -205,6 +205,7 @@ def demand_columns(path: Path) -> None:
     Those before schema 5, without verdicts of values, can be read.
     """
     head, _ = _read_head(path)
+    # Each value has a column of its name, and one of its standard deviation.
     names = [name.removesuffix("_std") for name in head if name.endswith("_std")]
     columns = _columns(names)
     columns_before_verdicts = tuple(

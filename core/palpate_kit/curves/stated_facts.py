@@ -114,7 +114,8 @@ class StatedFacts:
 def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str | None) -> StatedFacts:
     """Return the facts of the file next to the sources, overridden by ``--set`` and by the `given` options.
 
-    `overrides` are assignments of ``--set``; those that are not facts are kept as settings. Raises ConfigurationError.
+    Facts are those of the rig, such as tip, rate and units. `overrides` are assignments of ``--set``; those that are
+    not facts are kept as settings. Raises ConfigurationError.
     """
     # Assignments are the path of the file of facts, single facts, or other settings.
     option_facts: dict[str, Any] = {key: text for key, text in given.items() if text is not None}
@@ -144,8 +145,8 @@ def stated_facts(sources: Sequence[Path], overrides: Iterable[str], **given: str
 def suggestion_by_facts(file: Path, facts: RigFacts, choices: Mapping[str, str], registry: Registry) -> Suggestion:
     """Return how a file is read by the facts of its curve and by `choices`, which override them.
 
-    Where the roles of columns are not certain, the facts name columns for them; of several names the first that the
-    file has. Raises LogError, ConfigurationError.
+    Facts and choices are texts by key, such as "rate" or the role "force". Where the roles of columns are not certain,
+    the facts name columns for them; of several names the first that the file has. Raises LogError, ConfigurationError.
     """
     # Facts as choices of the reader; columns are tried below.
     rig_choices = {TIP: facts.tip, "rate": facts.rate, POSITION_OF: facts.position_of}

@@ -57,6 +57,7 @@ def _some_rows(table: Floats) -> str:
 def _number_words(numbers: Floats) -> tuple[Words, Words, Words]:
     """Return the words of each number: sign and zeros behind one free character, digits, and last digits with exponent.
 
+    A word is eight characters as a whole number. The ten digits are rint(|x| 10^(9 - e)), and looked up by halves.
     Numbers beyond the tables, and those whose last digit is nearly a tie, are written by Python.
     """
     tables, size = _digit_tables(), np.abs(numbers)
@@ -122,7 +123,7 @@ class _DigitTables(NamedTuple):
 
 @cache
 def _digit_tables() -> _DigitTables:
-    """Return the tables, made once."""
+    """Return the tables by which numbers become text, made once: by five digits, and by the decimal exponent e."""
     numbers = np.arange(10**_HALF_DIGITS)
     digits = np.zeros(len(numbers), np.uint64)
     significant = np.full(len(numbers), _HALF_DIGITS, np.uint8)

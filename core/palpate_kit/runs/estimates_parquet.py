@@ -94,7 +94,7 @@ class EstimatesStream:
 
 
 def _to_parquet(stream: Path, path: Path) -> None:
-    """Write a stream that has ended as Parquet, in its place; a group of rows is held at a time."""
+    """Write a stream of Arrow that has ended as Parquet, and remove it; a group of rows is in memory at a time."""
     pyarrow = _pyarrow()
     import pyarrow.parquet as parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
 

@@ -15,8 +15,10 @@ def natural(name: Path | str) -> list[tuple[int, str]]:
 
 
 def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[Path]]:
-    """Return the runs by group, each in the natural order, so that no order of arguments matters; raises
-    ConfigurationError."""
+    """Return the run folders by group: `runs` as one group, and one for each pattern "NAME=PATTERN" of paths.
+
+    Each group is in the natural order of names, so that no order of arguments matters. Raises ConfigurationError.
+    """
     groups: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
     for text in patterns:
         name, equals, pattern = text.partition("=")

@@ -31,8 +31,9 @@ _LEGEND = (
 def comparison_table(table: ResultTable, is_whole: bool = False) -> Table:
     """Return a row for each track: E and eta with ± and verdict, prediction, NIS, time to settle, cost, distances.
 
-    On a terminal the reason of a track without numbers stands in their place, and a narrow one lacks the last columns.
-    A table that `is_whole`, and any in a file, has all columns, every value, and the reasons in a column of their own.
+    NIS is the normalised innovation squared, a distance the error over its uncertainty where the truth is known. On a
+    terminal the reason of a track without numbers stands in their place, and a narrow one lacks the last columns. A
+    table that `is_whole`, and any in a file, has all columns, every value, and the reasons in a column of their own.
     """
     is_whole |= layout() != "table"
     names = list(dict.fromkeys(name for row in table.rows for name in row.values)) if is_whole else table.names

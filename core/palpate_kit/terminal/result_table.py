@@ -119,7 +119,10 @@ class ResultFinding:
 
     @classmethod
     def of_flag(cls, flag: Flag, values: Mapping[str, float | None]) -> ResultFinding:
-        """Return the finding of a flag on a track with `values` [SI]."""
+        """Return the finding of a flag on a track with `values` [SI].
+
+        Its sizes are the effects on the values it moves, relative to these; None where the size is not known.
+        """
         effects = flag.effects or {}
         names = flag.moves or tuple(effects)  # results of older versions lack the first
         sizes: dict[str, float | None] = {}
@@ -148,7 +151,7 @@ class ResultFinding:
 
     @classmethod
     def of_cell(cls, cell: str, severities: Mapping[str, str]) -> Iterator[ResultFinding]:
-        """Yield the findings of a cell; `severities` by code."""
+        """Yield the findings of a cell of ``fits.csv``, which has them in words; `severities` are those of codes."""
         for text in filter(None, cell.split(_FINDING_SEPARATOR)):
             if (match := _FINDING.fullmatch(text)) is None:
                 continue
@@ -368,7 +371,10 @@ def with_symbols(text: str) -> str:
 def track_row(
     track: TrackResult, label: str, record: str = "", of_record: Sequence[Flag] = (), duration: float = 0.0
 ) -> ResultRow:
-    """Return the row of a track, with flags of its record of a duration [s]."""
+    """Return the row of a track called `label` in the table of results.
+
+    Flags are its own and those of its record; `duration` [s] is that of the record.
+    """
     estimates = {**track.parameters, **{value.name: value.found for value in track.derived}}
     values = {name: TableValue.of(name, estimate) for name, estimate in estimates.items()}
     if not track.usable:

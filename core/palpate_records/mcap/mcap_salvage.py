@@ -40,6 +40,7 @@ class Salvage:
     """A pass through the rest of a file around damaged parts, from the damage on that another reader met."""
 
     def __init__(self, path: Path, definitions: Definitions, reader: Pass) -> None:
+        """Go on from the damage that `reader` met, with the definitions of topics that it has read."""
         self._path = path
         self._definitions = definitions
         self._counts = reader.counts

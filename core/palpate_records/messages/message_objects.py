@@ -66,7 +66,10 @@ class ObjectDecoder:
         return [name for name, _, _ in _named_parts(self._load(payload))]
 
     def read(self, messages: Messages, readings: Sequence[FieldReading]) -> TopicTable:
-        """See `MessageDecoder.read`."""
+        """Return the numbers of some readings (fields) of messages, one row for each; see `MessageDecoder.read`.
+
+        With readings of a joint or frame by name, only messages that have one of the names.
+        """
         rows: list[int] = []
         values: list[list[float]] = []
         stamps: list[int | None] = []
@@ -203,7 +206,10 @@ def _is_number_text(value: Any) -> bool:
 
 
 def _list_numbers(item: Any, prefix: str, counts: dict[str, int | None], budget: Budget, depth: int = 0) -> None:
-    """Add the numbers of an object to `counts` by path: None for one, else the elements of an array."""
+    """Add the numbers of an object to `counts` by path: None for one, else how many elements an array has.
+
+    `prefix` is the path of the object. The memory of the paths is charged to a budget, which raises LogError.
+    """
     budget.charge(ELEMENT + len(prefix))
     if isinstance(item, int | float) or (_is_number_text(item) and not prefix.endswith("frame_id")):
         counts[prefix] = None

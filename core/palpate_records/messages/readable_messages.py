@@ -31,7 +31,11 @@ class ReadableMessages:
         self.reason = ""  # for which the first message was left out
 
     def results(self, messages: Messages, read: Callable[[Messages], _Read]) -> Iterator[tuple[Messages, _Read]]:
-        """Yield the result of `read` for each readable piece of a block, with the piece; as few as damage allows."""
+        """Yield the result of `read` for each readable piece of a block, with the piece; as few as damage allows.
+
+        `read` raises LogError for a piece with an unreadable message: it is halved, down to that message, which is left
+        out.
+        """
         self.count += len(messages)
         pending = [messages]
         while pending:

@@ -50,7 +50,8 @@ class FrameOrientations:
     def ready(self, final: bool = False) -> list[tuple[Stamps, Stamps, Floats, Floats]]:
         """Remove and return blocks of readings with their orientations (n, 4), in their order.
 
-        They are those up to the latest orientation, or with `final` all; an orientation that is not known is NaN.
+        A block is time-stamps and log times (n,) [ns], values (n, k) and quaternions x, y, z, w (n, 4). They are those
+        up to the latest orientation, or with `final` all; an orientation that is not known is NaN.
         """
         blocks = []
         while self._waiting:

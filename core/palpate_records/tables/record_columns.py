@@ -37,8 +37,9 @@ _BRACKETS = re.compile(r"[\[(][^\])]*[\])]")
 def records_side_by_side(sheet: Sheet) -> list[TableRecord]:
     """Return the records of tables side by side, by the labels in their names; columns without a label belong to all.
 
-    Each has one force and one position of its own. Labels of several columns of one quantity, or of the components of
-    a vector, do not count.
+    A record is one press (force over position) in a file of several; a label is as "2" in "force 2". Each has one force
+    and one position of its own. Labels of several columns of one quantity, or of the components of a vector, do not
+    count.
     """
     labels_and_names = [_label_and_name(sheet, column) for column in range(len(sheet.names))]
     shared_columns = [column for column, (label, _) in enumerate(labels_and_names) if not label]

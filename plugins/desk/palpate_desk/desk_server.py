@@ -47,6 +47,7 @@ class DeskServer:
     """Server of the pages of one desk."""
 
     def __init__(self, desk: Desk, read_only: bool, workers: int | None) -> None:
+        """Serve an open folder (a desk); at most so many `workers` fit (None: one for each core)."""
         self.desk, self.read_only = desk, read_only
         self.token = secrets.token_urlsafe(_TOKEN_SIZE)
         self._pages: dict[ServerConnection, page_messages.CurveQuestion | None] = {}  # latest question of each page

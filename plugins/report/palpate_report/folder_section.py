@@ -109,6 +109,7 @@ def _picture(figure: Any, caption: str) -> dict[str, Any]:
 
 
 def _origin(facts: FolderFacts, hide: Callable[[str], str]) -> dict[str, str]:
+    """Return the commands and the versions that made the rows of a folder of fits; `hide` takes paths out of them."""
     provenance = facts.provenance
     if not provenance:
         return {"made by": "not known: the rows were fitted by a palpate that did not note it"}

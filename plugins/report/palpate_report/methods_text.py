@@ -105,6 +105,7 @@ def _in_brackets(std: float | None, unit: str) -> Phrase:
 
 
 def _tip(pipeline: Pipeline) -> Phrase:
+    """Return the sentence on the tip and its sizes, with the uncertainty of its radius; empty without a tip."""
     tip = getattr(pipeline.tracks[0].model, "indenter", None)
     if not isinstance(tip, Indenter):
         return ()
@@ -217,6 +218,7 @@ def _inclination(pipeline: Pipeline) -> Phrase:
 
 
 def _fit(pipeline: Pipeline) -> Phrase:
+    """Return the sentence on the estimator of the first track: the segment of a curve that it fits, its loss."""
     estimator = pipeline.tracks[0].estimator
     name = pipeline.registry.name_of(type(estimator))
     segment = getattr(estimator, "segment", None)
@@ -279,6 +281,8 @@ def _assumptions(facts: FolderFacts) -> Iterator[str]:
 
 
 def _uncertainty(facts: FolderFacts) -> Iterator[str]:
+    """Yield sentences on the combined uncertainties: their sources, and medians relative to the values."""
+    # By value the shares of it: combined, and what all curves have in common.
     uncertainties = {name: shares for name in facts.values if (shares := facts.relative_uncertainty(name)) is not None}
     if not uncertainties:
         return

@@ -168,14 +168,14 @@ def _value(table: Mapping[str, Any]) -> UncertainValue:
     """Return a value with its uncertainties from its table in ``result.json``; unknown numbers are NaN."""
     budget = {key.removeprefix("systematic_"): _nan(v) for key, v in table.items() if key.startswith("systematic_")}
     return UncertainValue(
-        _nan(estimate_of(table)),
-        _nan(table["std"]),
-        table["unit"],
-        _nan(table["settling"]),  # [s]
-        table.get("systematic"),
-        budget,
-        table.get("equivalent_delay"),
-        table["combined"] is None,
+        value=_nan(estimate_of(table)),
+        std=_nan(table["std"]),
+        unit=table["unit"],
+        settling=_nan(table["settling"]),
+        systematic=table.get("systematic"),
+        budget=budget,
+        per_shear=table.get("equivalent_delay"),
+        unknown=table["combined"] is None,
         places=table.get("places", {}),
         last=table.get("last", {}),
         verdict=table.get("verdict"),

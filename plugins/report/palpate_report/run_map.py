@@ -62,6 +62,7 @@ def _newest_first(folder: Path) -> list[Path]:
 
 
 def _interpolated(path: Path, parameter: str) -> Grid | None:
+    """Return the grid in a table of `palpate map`, a row for each place; None if it is not one of the parameter."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
@@ -78,10 +79,12 @@ def _interpolated(path: Path, parameter: str) -> Grid | None:
 
 
 def _visited(curves: Curves, parameter: str) -> Grid:
+    """Return the latest estimate of a parameter in each cell of a grid of at most 60 cells a side."""
     rows = np.flatnonzero(curves.settled & np.isfinite(curves.place).all(axis=1))
     place, values = curves.place[rows], curves.values[parameter][rows]
     low, high = place.min(axis=0), place.max(axis=0)
     cell = float((high - low).max()) / _MAX_CELLS
+    # The nearest grid point of each place.
     columns, lines = (np.floor((place - low) / cell + 0.5).astype(int)).T
     value = np.full((lines.max() + 1, columns.max() + 1), np.nan)
     value[lines, columns] = values  # in the order of time: the latest stays
