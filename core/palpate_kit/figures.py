@@ -24,6 +24,9 @@ _SHOWN_QUANTILES = (0.01, 0.99)  # of the values, that are within the axes
 _MARGIN, _MIN_MARGIN = 0.4, 0.02  # of the range, and of the largest value, outside these
 _SMALLEST_MARGIN = 1e-30  # [as the values], of curves that are 0
 _QUARTILES = (0.25, 0.5, 0.75)
+# Units of forces: how many of it one newton is, and the force [N] from which on it is used, 0.1 of the unit.
+_FORCE_UNITS = (("N", 1.0, 0.1), ("mN", 1e3, 1e-4), ("uN", 1e6, 1e-7))
+_SMALLEST_FORCE_UNIT = ("nN", 1e9)
 _ROW_HEIGHT = 55.0  # [mm] of a row of panels, unless another is given
 _BINS = 40  # of a curve of quartiles, unless another number is given
 _DATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
@@ -79,7 +82,7 @@ def force_unit(size: float) -> tuple[str, float]:
     >>> force_unit(0.02)
     ('mN', 1000.0)
     """
-    return ("N", 1.0) if size > 0.1 else ("mN", 1e3) if size > 1e-4 else ("uN", 1e6) if size > 1e-7 else ("nN", 1e9)
+    return next(((unit, factor) for unit, factor, least in _FORCE_UNITS if size > least), _SMALLEST_FORCE_UNIT)
 
 
 def label_forces(axis: Any, words: str) -> None:

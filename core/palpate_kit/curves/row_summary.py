@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
+_QUARTILES = (0.25, 0.5, 0.75)
+
 
 def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return by track the number of curves, of failed and of flagged ones, and quartiles [SI] of each named value.
@@ -31,4 +33,4 @@ def summary_of(rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> dict[
 
 
 def _quartiles(values: Floats) -> list[float]:
-    return [float(value) for value in np.quantile(values, [0.25, 0.5, 0.75])]
+    return [float(value) for value in np.quantile(values, _QUARTILES)]

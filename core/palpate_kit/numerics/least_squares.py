@@ -26,6 +26,8 @@ POOR_DAMPING = 1e-2 * FIRST_DAMPING  # at least, after a step of poor gain (choi
 MIN_KEPT_DAMPING = 1e-3 * FIRST_DAMPING  # below which a step is that of Gauss and Newton (choice)
 RELEASE_ROUNDING = 1e-12  # of the largest slope, up to which a force on a bound is rounding
 TINY = 1e-300  # guards against a division by 0
+MAX_EVALUATIONS = 200  # (choice)
+MIN_GAIN = 1e-22  # of the cost: a step of 1e-8 standard deviations with a million samples (0143)
 SETS_PER_UNKNOWN = 8  # active sets that are tried (choice); a problem of few unknowns needs 1 or 2 each
 
 
@@ -40,7 +42,12 @@ class Minimum:
 
 
 def least_squares(
-    normal: Callable[[Floats], Floats], x: Floats, low: Floats, high: Floats, most: int = 200, gain: float = 1e-22
+    normal: Callable[[Floats], Floats],
+    x: Floats,
+    low: Floats,
+    high: Floats,
+    most: int = MAX_EVALUATIONS,
+    gain: float = MIN_GAIN,
 ) -> Minimum:
     """Return the minimum of r^T r/2 within bounds (p,), from a start x (p,).
 

@@ -72,7 +72,7 @@ def inverse_laplace(transform: Callable[[Complexes], Any], time: Floats) -> Floa
 
 @cache
 def _contour() -> tuple[Complexes, Complexes]:
-    """Return s t at the nodes (m,), and their weights (m,)."""
+    """Return s t at the nodes (m,) of Talbot's contour, and their weights (m,); the first node, s = r, counts half."""
     angle = np.arange(1, _NODES) * math.pi / _NODES
     cot = 1.0 / np.tan(angle)
     turn = _TALBOT * angle * (cot + 1j) * _NODES

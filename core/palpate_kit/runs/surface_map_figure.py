@@ -58,7 +58,7 @@ def surface_map_figure(
     curve, contrasts over widths, is in a row of its own. `width` is that of the figure [mm].
     """
     figure, axes = figure_of(3, 3 if excluded else 2, width, _ROW_HEIGHT)
-    lump_places = np.array(lumps).reshape(-1, 4)[:, :3]
+    lump_places = np.array(lumps).reshape(-1, 4)[:, :3]  # without their p
     for row, layer in zip(axes[:2], _layers(surface_map), strict=True):
         for axis, view in zip(row, _VIEWS, strict=True):
             triangles = _draw(axis, surface_map, layer, view)

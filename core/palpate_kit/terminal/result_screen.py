@@ -251,7 +251,7 @@ def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
 def _assumption_lines(facts: Sequence[tuple[str, str, str]], has_command: bool) -> Iterator[str]:
     """Yield each open fact, and its remedy unless the next fact has the same, or a command states it."""
     width = _width(symbols for symbols, _, _ in facts)
-    indent = " " * (width + 4)
+    indent = " " * (width + 4)  # two blanks before the symbols, and two behind
     next_remedies = [*(remedy for _, _, remedy in facts[1:]), ""]
     for (symbols, sentence, remedy), next_remedy in zip(facts, next_remedies, strict=True):
         yield from filled(f"  {symbols.ljust(width)}  {sentence}", indent)

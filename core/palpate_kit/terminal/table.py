@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _MAX_SCREEN_ROWS = 40  # that are printed of a long table: a choice
 _MAX_BLOCKS = 10  # rows of a table too wide for the terminal that are printed as blocks of lines: a choice
+_USUAL_WIDTH = 80  # [columns] of an output that is not a terminal, by custom
 _UNLIMITED_WIDTH = 10_000  # [columns] beyond any table
 
 
@@ -68,7 +69,7 @@ def shortened(table: Table, whole: bool = False) -> RenderableType:
     return replace(table, title=title, rows=table.rows[:_MAX_SCREEN_ROWS]).view()
 
 
-def console(width: int = 80) -> Console:
+def console(width: int = _USUAL_WIDTH) -> Console:
     """Return a console on standard output: as wide as the terminal, or otherwise of a given width.
 
     Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow

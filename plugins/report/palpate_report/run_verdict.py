@@ -60,11 +60,11 @@ def judge(record: RunContents) -> RunVerdict:
     residual is not much above the least, then of the smallest relative uncertainty.
     """
     if record.why_not is not None:
-        return RunVerdict(LEVELS[2], (), (record.why_not,))
+        return RunVerdict(LEVELS[2], tracks=(), reasons=(record.why_not,))
     tables = record.document["tracks"]
     tracks = [_track(name, table) for name, table in tables.items()]
     if not tracks:
-        return RunVerdict(LEVELS[2], (), ("The run has no track.",))
+        return RunVerdict(LEVELS[2], tracks=(), reasons=("The run has no track.",))
     least_rms = min((rms for table in tables.values() if (rms := table["force_rms"]) is not None), default=0.0)
     best = min(
         tracks,
@@ -74,7 +74,7 @@ def judge(record: RunContents) -> RunVerdict:
             _width(tables[track.track]),
         ),
     )
-    return RunVerdict(best.level, tuple(tracks), (), best.track)
+    return RunVerdict(best.level, tuple(tracks), main=best.track)
 
 
 def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
