@@ -82,7 +82,10 @@ def force_unit(size: float) -> tuple[str, float]:
     >>> force_unit(0.02)
     ('mN', 1000.0)
     """
-    return next(((unit, factor) for unit, factor, least in _FORCE_UNITS if size > least), _SMALLEST_FORCE_UNIT)
+    for unit, factor, min_force in _FORCE_UNITS:
+        if size > min_force:
+            return unit, factor
+    return _SMALLEST_FORCE_UNIT
 
 
 def label_forces(axis: Any, words: str) -> None:

@@ -171,6 +171,7 @@ def _count_gaps(intervals: Floats, usual_interval: float) -> int:
 def survey_of(container: Container, path: Path, log_format: str, progress: Progress = silent) -> Survey:
     """Read a log once and list its topics, with statistics of their times and numbers.
 
+    `container` is the log, with its topics and their messages; `progress` is called with the number of messages so far.
     Topics that cannot be decoded are listed with the reason.
     """
     statistics: dict[str, _TopicStatistics] = {}

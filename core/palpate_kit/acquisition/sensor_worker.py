@@ -45,7 +45,11 @@ def _place(error: Exception) -> str:
 
 
 def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, scheduling: str) -> None:
-    """Open the line, start the sensor and read it, and close the line however that ends; raises DeviceError."""
+    """Open the line, start the sensor and read it, and close the line however that ends; raises DeviceError.
+
+    `reader` knows the sensor, `ring` takes its readings; `silence` [s] without a reading is a fault, `scheduling` is a
+    sentence for the parent.
+    """
     line, problem = None, "cannot be reached"
     try:
         line = reader.open()

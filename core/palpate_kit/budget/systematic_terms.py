@@ -30,9 +30,10 @@ def systematic_terms(
 ) -> list[Term]:
     """Return the terms of everything that is declared, or has a default.
 
-    Causes that an estimator has `included` in its own uncertainty are left out, and without a `report` of the alignment
-    those that only it states: tare, and directions of a tool that turns. `timing` is the standard uncertainty of the
-    delay [s].
+    `sensitivity` has the force along the last samples with its derivatives by parameters and surface; without one only
+    timing has a term. Causes that an estimator has `included` in its own uncertainty are left out, and without a
+    `report` of the alignment those that only it states: tare, and directions of a tool that turns. `timing` is the
+    standard uncertainty of the delay [s].
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
@@ -67,7 +68,11 @@ def source_terms(sensitivity: ForceSensitivity, sources: Sequence[UncertaintySou
 
 
 def _reading_terms(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport | None) -> list[Term]:
-    """Return the terms of mass, directions, curvature, formula, tare, compliance and beam; see `systematic_terms`."""
+    """Return the terms of mass, directions, curvature, formula, tare, compliance and beam; see `systematic_terms`.
+
+    `sensitivity` has force, derivatives and acceleration along samples, `report` the tare and the directions that the
+    alignment has found.
+    """
     terms: list[Term] = []
     turned = report.turned if report is not None else None
     if settings.tip_mass is not None:
@@ -134,8 +139,9 @@ def _direction_terms(sensitivity: Along, settings: AlignmentSettings, report: Al
 def _curvature_terms(sensitivity: Along, settings: AlignmentSettings, report: AlignmentReport) -> Iterator[Term]:
     """Yield the term of the skin's curvature k, by its surface.
 
-    Where the track's forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia
-    that was divided with them, (1/s - 1) m z''. Where the model has the skin as flat all of the shift counts.
+    `sensitivity` has force, depth and acceleration (n,) along samples, `report` the curvature [1/m]. Where the track's
+    forces were divided by the share s(k) of a curved skin: f = (s(k + u)/s(k) - 1) F, and the inertia that was divided
+    with them, (1/s - 1) m z''. Where the model has the skin as flat all of the shift counts.
     """
     turned = report.turned
     if turned is None or not turned.curvature:

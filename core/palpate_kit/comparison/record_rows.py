@@ -78,7 +78,11 @@ def _refusals(pipeline: Pipeline) -> Iterator[tuple[str, str]]:
 
 
 def _measures(outcome: RecordOutcome, pipeline: Pipeline, name: str, track: TrackResult, measure: str) -> Row:
-    """Return values with errors, prediction, NIS, time to settle and cost of one track."""
+    """Return values with errors, prediction, NIS, time to settle and cost of one track.
+
+    `outcome` has the samples, estimates and results of all tracks of a record; `measure` is VALUES for errors of the
+    values, too.
+    """
     comparison = track.comparison
     assert comparison is not None
     model = next(candidate.model for candidate in pipeline.tracks if str(candidate.name) == name)

@@ -90,8 +90,9 @@ def alike_logs(
 def logs_among(sources: Sequence[Path], registry: Registry) -> list[Path]:
     """Return the files among the sources, and those in the folders among them that hold records.
 
-    Without what palpate wrote itself: folders of fits, and lists of curves. Raises ConfigurationError for a source that
-    does not exist, and if no file is left.
+    Left out are those that palpate wrote itself: folders of fits, and lists of curves. `registry` has the devices of
+    all plugins, by which a file can be read. Raises ConfigurationError for a source that does not exist, and if no file
+    remains.
     """
     logs: list[Path] = []
     for source in sources:

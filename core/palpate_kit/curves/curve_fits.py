@@ -80,8 +80,9 @@ def value_units(model: ContactModel) -> dict[str, str]:
 def record_tracks(reader: CurveReader, assignments: tuple[str, ...] = (), at_length: bool = False) -> RecordTracks:
     """Return the offline tracks of a curve; compiled code is kept from curve to curve.
 
-    `assignments` are settings of this curve alone, as of ``--set``. Unless `at_length`, the tracks compute nothing that
-    no column of the table shows. Raises ConfigurationError, which names the files that may state an assignment.
+    `reader` is a pipeline that reads and fits curves, as plain data. `assignments` are settings of this curve alone, as
+    of ``--set``. Unless `at_length`, the tracks compute nothing that no column of the table shows. Raises
+    ConfigurationError, which names the files that may state an assignment.
     """
     source = Source(reader.text, Path(reader.path))
     name_tips(source)

@@ -19,8 +19,9 @@ _ENDLESS = 1e4  # [rad] to both sides, of a joint that turns round and round
 def urdf_model(path: Path, base: str, flange: str) -> ArmModel:
     """Return the joints between two links of a URDF file.
 
-    Raises ConfigurationError, with file and joint, where that is not a chain of turning joints, or one of them has
-    no limits: without an end and a speed nothing is known to be allowed.
+    `base` and `flange` are the names of the links, from the foot of the arm to where a tool is mounted. Raises
+    ConfigurationError, with file and joint, where that is not a chain of turning joints, or one of them has no limits:
+    without an end and a speed nothing is known to be allowed.
     """
     robot = _robot(path)
     chain = _chain(robot, path, base, flange)
@@ -61,7 +62,10 @@ def _robot(path: Path) -> Any:
 
 
 def _chain(robot: Any, path: Path, base: str, flange: str) -> list[Any]:
-    """Return the joints from one link to another; raises ConfigurationError where they are not a chain that turns."""
+    """Return the joints from one link to another; raises ConfigurationError where they are not a chain that turns.
+
+    The way is followed from the `flange` down to the `base`, by the joint that leads to each link.
+    """
     leading = {joint.child: joint for joint in robot.joints}
     chain, link = list[Any](), flange
     while link != base:

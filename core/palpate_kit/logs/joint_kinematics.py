@@ -180,7 +180,9 @@ def joint_feeds(
 ) -> tuple[list[TopicFeed], TopicFeed]:
     """Return the feeds of the tip, and of its velocity if the joints' is recorded; then that of the orientation.
 
-    Raises LogError if the log does not have the topic of the joints, or its messages do not name them.
+    `container` is the log, `kinematics` the robot with the topic of its joints; a feed is a stream with the numbers of
+    the messages that it is made of. Raises LogError if the log does not have the topic of the joints, or its messages
+    do not name them.
     """
     if kinematics.topic not in container.topics:
         topics = ", ".join(container.topics) or "none"

@@ -218,7 +218,10 @@ class Sign:
 
 
 def force_sign(force: Floats, law: ContactEvidence) -> Sign:
-    """Return the sign of a force in contact: by the side of its rest that it leaves to, by its bend, by its mean."""
+    """Return the sign of a force in contact: by the side of its rest that it leaves to, by its bend, by its mean.
+
+    `law` is the force over the position, by least squares; its bend is in standard errors.
+    """
     # The side to which it leaves its rest, if it rests and leaves to one side.
     level, rest_share = rest_level(force)
     high, low = (float(x) for x in np.percentile(force, _SPAN_PERCENTILES))

@@ -44,7 +44,10 @@ def options(role: str, others: Sequence[NumberColumn]) -> str:
 
 
 def doubtful_points(guess: RoleGuess) -> list[str]:
-    """Return a sentence on each role and each sign that is not certain."""
+    """Return a sentence on each role and each sign that is not certain.
+
+    `guess` has the columns that are likely force, position and velocity, and the signs by which they count.
+    """
     doubts = []
     for role, pick in guess.picks.items():
         if not pick.sure:
@@ -175,8 +178,9 @@ def assemble_suggestion(
 ) -> Suggestion:
     """Return the tables that read a log by guessed roles, with their reasons, doubts and blanks.
 
-    `channels` are those of the roles, `factors` SI per recorded unit, `extra` more reasons, doubts, blanks and hints,
-    and `seconds` the length of the unit of time [s].
+    `guess` has a column for each role, and its sign; `device` is the table of the device that reads the log. `channels`
+    are those of the roles, `factors` SI per recorded unit, `extra` more reasons, doubts, blanks and hints, and
+    `seconds` the length of the unit of time [s].
     """
     alignment: dict[str, Any] = {
         role: {"channel": channels[role], "sign": guess.signs[role].value} for role in ROLES if role in guess.picks

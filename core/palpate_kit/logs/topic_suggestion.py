@@ -50,7 +50,8 @@ TopicTables = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: 
 def suggestion_for(container: Container, path: Path, device_type: str, choices: Mapping[str, str]) -> Suggestion:
     """Return the tables by which a type of device reads a log.
 
-    Raises LogError for choices that apply to tables alone, and if no number can be a force or a position.
+    `container` is the log, with its topics; `choices` are what a person has stated, by key. Raises LogError for choices
+    that apply to tables alone, and if no number can be a force or a position.
     """
     if "lateral" in choices:
         raise LogError(f"{path}: --lateral is for tables; of topics, name lateral_x and lateral_y in [alignment]")
@@ -81,6 +82,7 @@ def suggestion_for(container: Container, path: Path, device_type: str, choices: 
 def _guess_roles(container: Container, tables: TopicTables, choices: Mapping[str, str], path: Path) -> RoleGuess:
     """Return which numbers of a log are force, position and velocity.
 
+    `tables` are names of columns, times and values by topic, `choices` the columns that a person has stated, by role.
     Raises LogError if none can be, or if the position is one of several frames and `choices` names none.
     """
     frames = {topic: list(_frames(container, topic)) for topic in tables if _has_frames(container, topic)}
@@ -171,7 +173,9 @@ def _times(
 def _doubt_of_stamps(guess: RoleGuess, spans: Mapping[str, _StampSpan]) -> str | None:
     """Return the doubt that force and motion have one clock, though both were logged together; None without one.
 
-    Their stamps have no instant in common, or one of them is late by more than a second against the other.
+    There is a doubt if the stamps of the two topics have no instant in common, or one is late by more than a second
+    against the other. `guess` has the columns of the roles; `spans` are first and last stamp [ns] of each topic, and by
+    how much [s] its messages are logged later.
     """
     force_topic = guess.picks["force"].series.key[0]
     force = spans[force_topic]
@@ -196,8 +200,9 @@ def _doubt_of_stamps(guess: RoleGuess, spans: Mapping[str, _StampSpan]) -> str |
 def _guess_units(guess: RoleGuess, units: dict[str, str], doubts: list[str], tip: Indenter | None) -> None:
     """Replace the units that no message states by those that the range of each number suggests; append the doubt.
 
-    That of the velocity is the one by which it is nearest to the slope of the position; the guess has the ratio of
-    both, as recorded, as its gain.
+    The unit of the velocity is the one by which it is nearest to the slope of the position; `guess` has the ratio of
+    both, as recorded, as its gain. `units` are by role; the `tip` has the radius by which a length or an elasticity is
+    plausible.
     """
     picks = guess.picks
     if all(pick.series.unit for role, pick in picks.items() if role != "velocity"):
@@ -274,7 +279,10 @@ def _span(batch: Batch) -> _StampSpan:
 
 
 def _columns(container: Container, topic: str, tables: TopicTables) -> list[NumberColumn]:
-    """Return every number of a topic with the role that its type or name states; no clock, and none of few messages."""
+    """Return every number of a topic with the role that its type or name states; no clock, and none of few messages.
+
+    `tables` are names of columns, times (n,) [s] and values (n, columns) by topic.
+    """
     message_type = container.topics[topic].type
     role_by_type = roles.role_of_type(topic, message_type)
     names, time, values = tables[topic]
@@ -307,7 +315,8 @@ def _chosen_column(
 ) -> NumberColumn:
     """Return the column that a choice names: a frame, TOPIC:FIELD, or a topic whose type states its one number.
 
-    Raises LogError if it names none, or several.
+    `tables` are the numbers by topic, `role` is "force", "position" or "velocity". Raises LogError if the choice names
+    none, or several.
     """
     topic, _, name = choice.partition(":")
     frames = [c for c in columns if "@" in c.key[1] and choice in (c.label, c.label.partition(":")[2])]

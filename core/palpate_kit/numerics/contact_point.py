@@ -48,6 +48,7 @@ class Approach:
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
     """Return the surface by one of CONTACT_METHODS; None where the method finds none.
 
+    `approach` has height [m] and force [N] of the first way down, and how many of its samples are before a touch.
     "threshold": the force exceeds its mean in air by a threshold [N], 5 standard deviations if none is given.
     "deviation-from-baseline": the averaged force exceeds the straight line of the air by 3 of its standard deviations.
     "gradient": the rise of the force over depth exceeds a tenth of its largest, and 3 standard deviations in air.
@@ -77,7 +78,8 @@ def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> 
     """Return the height of the last crossing of a level [N] on the way down, halfway between two samples.
 
     Its uncertainty is that of a place between two samples, a step over sqrt(12), and of the force's noise [N] over its
-    rise. None where the force is never below the level, or only there.
+    rise. `approach` has the heights (n,) [m] of the way down, `force` (n,) [N] is its force less a baseline. None where
+    the force is never below the level, or only there.
     """
     below = np.flatnonzero(force <= level)
     if not len(below) or below[-1] >= len(force) - 2:

@@ -18,6 +18,7 @@ TIMES_BELOW = 4.0  # times those of the next smaller value, which coarse reading
 def force_limit(force: Floats) -> float | None:
     """Return the largest reading (n,) [N] where a force stands at it, as at the limit of a sensor; else None.
 
+    It stands there if at least 10 readings are the largest, and four times as many as have the next smaller value.
     Coarse readings stand at the value below it as well.
     """
     readings = force[np.isfinite(force)]

@@ -281,8 +281,9 @@ def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> floa
 def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, float]) -> TipTravel:
     """Return the motion over windows of `width` samples, between gaps each stretch by itself.
 
-    The rate is -[(1 - c) z' + c v], with c = s_z^2/(s_z^2 + s_v^2) by the variances of slope z' and smoothed velocity
-    v. A stretch that is shorter than the shortest window has its velocity, and no acceleration.
+    `samples` have time [s], position [m] and velocity [m/s], every `interval` [s]; `noise` is that of both. The rate is
+    -[(1 - c) z' + c v], with c = s_z^2/(s_z^2 + s_v^2) by the variances of slope z' and smoothed velocity v. A stretch
+    that is shorter than the shortest window has its velocity, and no acceleration.
     """
     count = len(samples)
     slope, smooth, acceleration = np.zeros(count), np.zeros(count), np.zeros(count)

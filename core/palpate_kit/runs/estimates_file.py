@@ -45,7 +45,7 @@ def _estimates_csv(
 ) -> Iterator[EstimatesWriter]:
     """Yield a new table as text: of a live run one that is written at once, else one that a thread writes.
 
-    Raises OutputError where it cannot be written.
+    `tracks` has the parameters of each track, which name the columns. Raises OutputError where it cannot be written.
     """
     live = is_live(pipeline.devices)
     try:

@@ -135,7 +135,10 @@ def _beside(log: Path, text: str) -> Path:
 
 
 def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
-    """Raise ConfigurationError where a plugin file of a recorded run is missing here, or is another version."""
+    """Raise ConfigurationError where a plugin file of a recorded run is missing here, or is another version.
+
+    `run` is the table [run] of the recorded pipeline, `carried` the log with its facts.
+    """
     plugins = run.get("plugins")
     for text in plugins if isinstance(plugins, list) else ():
         if not isinstance(text, str):

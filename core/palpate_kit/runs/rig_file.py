@@ -18,7 +18,8 @@ def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
     """Set keys of a file of facts, created if missing, or drop those that are to be None, the last one with the file
     that was created.
 
-    Raises OutputError, ConfigurationError.
+    `changes` are values by key, None for a key that is dropped. Tables that do not change stay, with comments. Raises
+    OutputError, ConfigurationError.
     """
     document = tomlkit.document()
     if path.is_file():

@@ -40,7 +40,11 @@ class SurfaceMap:
 
 
 def write_surface_map(surface_map: SurfaceMap) -> bytes:
-    """Return the PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis)."""
+    """Return the PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis).
+
+    A map has vertices (n, 3) [m], faces, and at each vertex value and standard deviation of a parameter, and the chance
+    p of a place without a lump.
+    """
     import matplotlib
 
     shown, name = surface_map, surface_map.parameter

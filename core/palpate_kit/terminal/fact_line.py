@@ -135,7 +135,10 @@ def tip_phrase(tip: Indenter, registry: Registry) -> Phrase:
 
 
 def _model_phrases(model: ContactModel, pipeline: Pipeline, limit: str) -> Iterator[Phrase]:
-    """Yield the phrases of a model: its name, Poisson's ratio, thickness and base, inclination."""
+    """Yield the phrases of a model: its name, Poisson's ratio, thickness and base, inclination.
+
+    A phrase is a tuple of texts and quantities; `limit` is the thickness above which a half-space holds, in words.
+    """
     name = pipeline.registry.name_of(type(model))
     # A name of several parts is abbreviated: dimensionality-reduction is dr.
     yield ("".join(part[0] for part in name.split("-")) if "-" in name else name,)
@@ -153,7 +156,10 @@ def _model_phrases(model: ContactModel, pipeline: Pipeline, limit: str) -> Itera
 
 
 def _force_phrases(alignment: AlignmentSettings) -> Iterator[Phrase]:
-    """Yield the phrases of the force: its zero, delay, mass, beam and mount."""
+    """Yield the phrases of the force: its zero, delay, mass, beam and mount.
+
+    `alignment` has the settings by which force and position were aligned; a phrase is a tuple of texts and quantities.
+    """
     tare = alignment.tare
     if isinstance(tare, str):
         yield (_TARES[tare],)

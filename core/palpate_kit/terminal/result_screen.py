@@ -88,7 +88,8 @@ def _truth_text(name: str, unit: str, truth: Mapping[str, float]) -> str:
 def value_table(table: ResultTable, whole_names: bool = False, names: Sequence[str] = ()) -> Table:
     """Return a row for each file and track: its values, each followed by its verdict; then a row of the truth.
 
-    The values are those with `names`, by default elasticity and viscosity.
+    The values are those with `names`, by default elasticity and viscosity. `table` has a row for each track with
+    values, verdicts and findings, and the truth where it is known.
     """
     units = {name: value.unit for row in table.rows for name, value in row.values.items()}
     names = names or chief_names(units)
@@ -148,7 +149,8 @@ def finding_lines(
 ) -> Iterator[str]:
     """Yield each finding once: verdict, code, cause, its values and rows, its sentence, sizes and remedy; then notes.
 
-    `command` takes the option of a remedy; `advice` are more lines of help by option.
+    `table` has the rows of results; a finding is what contradicts a law or a stated fact. `command` takes the option of
+    a remedy; `advice` are more lines of help by option.
     """
     for sentence, remedy in findings_in_words(table):
         yield from filled(sentence, "  ")
@@ -233,8 +235,9 @@ def facts_in_words(table: ResultTable) -> Iterator[tuple[str, str, str]]:
 def fact_lines(table: ResultTable, command: str = "") -> Iterator[str]:
     """Yield the open facts under one heading: the values that depend on each, the assumption, and the remedy.
 
-    With a `command` one line states all of them that have an option, first those of findings; but not a single one of
-    a finding, whose remedy is that command already.
+    A row of `table` has conditions: facts that nobody stated, and what is assumed in their place. With a `command` one
+    line states all open facts that have an option, first those of findings; but not a single one of a finding, whose
+    remedy is that command already.
     """
     facts = list(facts_in_words(table))
     if not facts:

@@ -99,7 +99,11 @@ def console(width: int = _USUAL_WIDTH) -> Console:
 
 
 def _fitting(shown: Any, console: Console) -> Any:
-    """Return a table without its spare columns, or row by row, where it is too wide; anything else as it is."""
+    """Return a table without its spare columns, or row by row, where it is too wide; anything else as it is.
+
+    `shown` is a table of rich, or a group of what may be tables; spare columns are those at the right that may be left
+    out.
+    """
     from rich.console import Group
     from rich.table import Table as View
 

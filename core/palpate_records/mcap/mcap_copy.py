@@ -76,7 +76,10 @@ class NewLog:
     def chunk(
         self, packed: PackedChunk, channel: NDArray[np.uint16], logged: NDArray[np.uint64], offsets: Stamps
     ) -> None:
-        """Write a chunk, and the index of its messages by their channels, log times [ns] and offsets [bytes] (n,)."""
+        """Write a chunk, and the index of its messages by their channels, log times [ns] and offsets [bytes] (n,).
+
+        `packed` has the compressed data with size and checksum of what they unpack to.
+        """
         from mcap.records import ChunkIndex
 
         first = int(logged.min())

@@ -155,7 +155,10 @@ class Pass:
         return opcode, length
 
     def _blocks_of_chunks(self, pending: list[_PendingChunk]) -> Iterator[Block]:
-        """Yield the messages of chunks; small ones together, since a block costs as much as a thousand messages."""
+        """Yield the messages of chunks; small ones together, since a block costs as much as a thousand messages.
+
+        `pending` are undamaged chunks with the offsets of their messages.
+        """
         if len(pending) > 1 and pending[-1].chunk.checked:
             try:
                 block = self._block_of_chunk(_join_chunks(pending))

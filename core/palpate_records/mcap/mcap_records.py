@@ -203,7 +203,8 @@ def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
 def _confirm_index(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
     """Return the messages at the offsets (n,) and the other records; None if the index is wrong.
 
-    It is right if there is a message at each offset, and between them whole records of other kinds.
+    `data` are those of a chunk, unpacked. Its index is right if there is a message at each offset, and between them
+    whole records of other kinds.
     """
     if not len(offsets) or offsets[0] < 0 or offsets[-1] + HEAD > len(data):
         return None

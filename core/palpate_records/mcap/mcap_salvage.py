@@ -190,8 +190,9 @@ class Salvage:
     def _resume_position(self, file: IO[bytes], position: int, size: int) -> int:
         """Return the position of the next record behind a damaged one.
 
-        It is the next whole chunk, or the end that the damaged record claims, if that comes first and records follow
-        it; of a file without chunks the next plausible message, else the end of the data.
+        The next record is the next whole chunk, or the end that the damaged record claims, if that comes first and
+        records follow it; of a file without chunks the next plausible message, else the end of the data. `position` is
+        that of the damaged record, `size` that of the file, both in bytes.
         """
         claimed_end = self._claimed_end(file, position, size)
         if self._next_chunk is None or self._next_chunk <= position:

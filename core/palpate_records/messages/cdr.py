@@ -133,7 +133,10 @@ def _element(place: FieldPlace, index: int | None) -> tuple[int, str]:
 
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
-    """Return the layout of one message; raises LogError if it is not a message of its type."""
+    """Return the layout of one message; raises LogError if it is not a message of its type.
+
+    `definitions` are the fields of all types of messages that a message may contain.
+    """
     _check_encapsulation(type_name, message)
     # Wide characters have one of two sizes, and mostly only one of them fills the message.
     layouts: list[MessageLayout] = []

@@ -120,7 +120,10 @@ def _items(value: Any) -> list[Any]:
 
 
 def _value_at(item: Any, path: str | None) -> Any:
-    """Return the value at a path in nested objects; None without one."""
+    """Return the value at a path in nested objects; None without one.
+
+    `item` is a message as an object, or as nested dictionaries and lists.
+    """
     if path is None:
         return None
     inner = item
@@ -143,7 +146,10 @@ def _value_at(item: Any, path: str | None) -> Any:
 
 
 def _value_by_odd_name(item: Any, path: str) -> Any:
-    """Return the value at a path whose names may have dots or brackets in them, as those of JSON; None without one."""
+    """Return the value at a path whose names may have dots or brackets in them, as those of JSON; None without one.
+
+    `item` is a part of a message: a dictionary, a list, or a value.
+    """
     if not path:
         return item
     if isinstance(item, list):

@@ -45,9 +45,10 @@ class TimeColumn:
 def clock_of(sheet: Sheet, values: Floats, choices: Mapping[str, str], taken: Sequence[int] = ()) -> TimeColumn | None:
     """Return the time of a file's rows: by a column, else by a chosen rate; None without either.
 
-    `values` (n, columns) are the numbers of the file. The column is chosen, or has the name of a time, or grows evenly;
-    it is not among the `taken` ones. A rate counts only for files without a time: it would shift every reading of a
-    file that has gaps, or runs at another rate. Raises LogError for a rate that is not one.
+    The column is chosen, or has the name of a time, or grows evenly; it is not among the `taken` ones. A rate counts
+    only for files without a time: it would shift every reading of a file that has gaps, or runs at another rate.
+    `sheet` is the text table with names and units of its columns, `values` (n, columns) its numbers, `choices` what a
+    person has stated, by key. Raises LogError for a rate that is not one.
     """
     clock = _clock_column(sheet, values, choices, taken)
     has_time = clock is not None and "time" in clock.setting and _advances(clock.seconds)
@@ -69,7 +70,8 @@ def _advances(seconds: Floats) -> bool:
 def demand_progress(sheet: Sheet, clock: TimeColumn, values: Floats) -> None:
     """Raise LogError if the time column of a file stands still or runs backwards.
 
-    It is checked before the numbers (n, columns) of the file: any finding on these would be wrong.
+    The column, `clock` with its seconds (n,), is checked before the numbers (n, columns) of the file: any finding on
+    these would be wrong.
     """
     steps = np.diff(clock.seconds)
     if clock.column is None or not len(steps):
@@ -194,7 +196,8 @@ def _time_of_day(search: _ClockSearch, column: int) -> TimeColumn | None:
 def _time_in_unit(search: _ClockSearch, column: int, is_named: bool) -> TimeColumn | None:
     """Return the time of a column in its unit, else in the first unit in which its rate is that of a recording.
 
-    None for a column in a unit of anything else than time, and for one without a unit in which its rate is usual.
+    `search` has the sheet and its numbers (n, columns); `is_named` says that something states the column to be the
+    time. None for a column in a unit of anything else than time, and for one without a unit in which its rate is usual.
     """
     sheet, values = search.sheet, search.values[:, column]
     steps = _steps(values)

@@ -59,7 +59,8 @@ def one_table(
     A further line of the same names begins a page, or after the last page another table. Rows without readings wait,
     since they may be the title above such a line; up to `_MAX_TITLE_LINES` of them, then they are rows of the table.
     `pages` returns the number of pages; 0 if nothing is known of tables below, whose headings are rows then. It is
-    called at such lines alone.
+    called at such lines alone. A row is the number of its line, and its cells; `layout` says which columns have
+    numbers, and their names, `dialect` how the text is written.
     """
     names = [name.strip() for name in layout.names or ()]
     title_rows: list[TableRow] = []  # rows without readings, perhaps the title of the next page
@@ -102,7 +103,8 @@ def layout_of(
 ) -> TableLayout:
     """Return the layout by the first lines of a file; `header` and `units` are the stated lines of these, 0 for none.
 
-    Raises LogError without rows of numbers.
+    `dialect` is how the text is written: the marks between columns, of decimals and comments. Raises LogError without
+    rows of numbers.
     """
     # The rows of numbers, then the names and units above them.
     rows, block = _rows_and_block(path, lines, dialect, max(header or 0, units or 0))

@@ -316,7 +316,11 @@ def _text_of_key(keys: Mapping[str, str | int], key: str) -> str | None:
 def _refuse_decimal_commas(
     path: Path, lines: list[str], dialect: Dialect, layout: TableLayout, rows: list[list[str]]
 ) -> None:
-    """Raise LogError for numbers with decimal commas: between commas they are lost, else a key states them."""
+    """Raise LogError for numbers with decimal commas: between commas they are lost, else a key states them.
+
+    `rows` are the cells of the first lines of numbers by the `dialect`, which is how the text is written, as far as
+    that was found.
+    """
     last_line = lines[-1].strip()[:_MAX_EXAMPLE]
     advice = "write the numbers with points, or another separator"
     if rows and all(is_cut_at_commas(row, layout.names, dialect.delimiter) for row in rows):

@@ -20,9 +20,10 @@ def without_footer(
 ) -> Iterator[TableRow]:
     """Yield the rows of a table with `numbers` in these columns of its first row; add the lines below to `footer`.
 
-    A footer begins with words in the first column of numbers, or with fewer cells below an empty line, and has no row
-    of readings in or below it: rows behind a line of words may hide a loss, so that both are passed on. So are words
-    below fewer than three rows, `above` of which were read before.
+    `dialect` is how the text is written; a row is the number of its line, and its cells. A footer begins with words in
+    the first column of numbers, or with fewer cells below an empty line, and has no row of readings in or below it:
+    rows behind a line of words may hide a loss, so that both are passed on. So are words below fewer than three rows,
+    `above` of which were read before.
     """
     if not numbers:
         yield from rows

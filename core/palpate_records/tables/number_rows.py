@@ -93,7 +93,10 @@ def _first_part(
 def refuse_numbers_above(
     path: Path, rows: Sequence[Sequence[str]], skipped: Collection[int], block: RowBlock | None, dialect: Dialect
 ) -> None:
-    """Raise LogError for lines above the rows of numbers that may be such rows, too."""
+    """Raise LogError for lines above the rows of numbers that may be such rows, too.
+
+    `block` is where the rows of numbers are (None: nowhere), `skipped` are the numbers of empty lines and comments.
+    """
     lines_above = [i for i in range(block.begin if block else len(rows)) if i not in skipped]
     # Rows with decimal commas, which are not numbers in this dialect.
     if dialect.decimal == ".":

@@ -40,7 +40,8 @@ def lines_from(text: str, file: IO[str], path: Path) -> Iterator[str]:
 def plain_numbers(text: str, dialect: Dialect, width: int) -> Floats | None:
     """Return the numbers (n, width) of whole lines of plain numbers; None for other lines.
 
-    Without the characters of numbers, every line must be the same separators.
+    `dialect` is how the text is written: the marks between columns and of decimals. Without the characters of numbers,
+    every line must be the same separators.
     """
     delimiter = dialect.delimiter
     if '"' in text or dialect.thousands or (dialect.decimal == "," and "." in text):

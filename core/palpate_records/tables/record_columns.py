@@ -77,8 +77,8 @@ def _is_other_label(label: str) -> bool:
 def _label_and_name(sheet: Sheet, column: int) -> tuple[str, str]:
     """Return the label of a column, and its name without the label; "" if it has none.
 
-    It is the title of its group, its number among columns of one name, or the words of its name besides quantity and
-    unit, if these end in a digit or are a single letter.
+    A label is the title of the column's group, its number among columns of one name, or the words of its name besides
+    quantity and unit, if these end in a digit or are a single letter. `sheet` is the text table.
     """
     name = sheet.names[column]
     group = sheet.layout.groups[column] if column < len(sheet.layout.groups) else ""
@@ -127,7 +127,8 @@ def _written_unit(sheet: Sheet, column: int) -> str | None:
 def records_by_column(sheet: Sheet) -> list[TableRecord]:
     """Return the records that columns name by a text or a whole number in each row.
 
-    Of several such columns those count which divide the rows further, as a site does those of a specimen.
+    `sheet` is the text table; a record is the rows with the same texts in these columns. Of several such columns those
+    count which divide the rows further, as a site does those of a specimen.
     """
     columns = [
         column

@@ -36,8 +36,9 @@ class _PageEdges:
 def continued_pages(sheet: Sheet, heads: Sequence[int], time: int, signals: Sequence[int], file: IO[str]) -> list[bool]:
     """Return for each page True if it continues the page above it; False for the first.
 
-    `heads` are the lines of the names, counted from 1, `time` and `signals` columns. The units must be equal, the time
-    one interval later, and no signal may jump.
+    A page begins with the names of the columns again; `sheet` is the text with its columns. `heads` are the lines of
+    the names, counted from 1, `time` and `signals` columns. The units must be equal, the time one interval later, and
+    no signal may jump.
     """
     pages = list(_page_edges(sheet, heads, (time, *signals), file))
     rows = [row for page in pages for row in (*page.first, *page.last)]

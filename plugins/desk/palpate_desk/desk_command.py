@@ -124,7 +124,10 @@ def _states_tip(source: Path, overrides: Sequence[str]) -> bool:
 
 
 def _serve_folder(folder: Path, port: int, no_browser: bool, read_only: bool, workers: int | None) -> None:
-    """Print the address of the page of a folder, open a browser and serve the page until Ctrl-C."""
+    """Print the address of the page of a folder, open a browser and serve the page until Ctrl-C.
+
+    `read_only` pages take no lock and write nothing; at most so many `workers` fit.
+    """
     from palpate_desk.desk import Desk, writing
     from palpate_desk.desk_server import DeskServer
 

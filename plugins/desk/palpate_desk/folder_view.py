@@ -180,7 +180,8 @@ def _export(desk: Desk, message: page_messages.ExportOrder) -> Action:
 async def _output(action: Action, desk: Desk) -> str:
     """Return the output of a command, in a process that executes only plugin files that were approved before.
 
-    Raises ConfigurationError with its errors where it fails.
+    `desk` is the open folder, `action` a command on it with its options. Raises ConfigurationError with its errors
+    where it fails.
     """
     demand_allowed(action)
     process = await asyncio.create_subprocess_exec(

@@ -231,7 +231,10 @@ def _row(run: GroupRun, track: str, parameters: Iterable[str]) -> dict[str, Any]
 
 
 def _pipelines(runs: Sequence[GroupRun]) -> dict[str, Any]:
-    """Return the pipeline of the first run as run, and how those of the others differ from it."""
+    """Return the pipeline of the first run as run, and how those of the others differ from it.
+
+    A run has the text of its pipeline, and a veil that takes host and paths out where the page is anonymous.
+    """
     pipelines = [(run, run.pipeline) for run in runs if run.pipeline]
     if not pipelines:
         return {}

@@ -27,7 +27,8 @@ _SETTLED_FROM_SWEPT = 0.1  # likewise of a sweep, which has a value of its own a
 def estimates(subject: Subject) -> ReportFigure | None:
     """Return a figure of every parameter over time with bands of two standard deviations, in a panel for each model.
 
-    The truth is drawn where it is known. None without an estimate.
+    `subject` is a run with its tracks, and the width of its pictures. The truth is drawn where it is known. None
+    without an estimate.
     """
     panels = _panels(subject)[:_MAX_PANELS]
     if not panels:
@@ -111,7 +112,10 @@ class _Panel:
 
 
 def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter: str) -> dict[str, Floats]:
-    """Draw a parameter of tracks over time, and return the points by column [SI]."""
+    """Draw a parameter of tracks over time, and return the points by column [SI].
+
+    `subject` is a run; its document is that of ``result.json``, which may have values of the tracks, and the truth.
+    """
     document = subject.record.document
     symbol, factor = display_unit(subject.record.unit(names[0], parameter))
     panel = _Panel(axis, parameter, factor)

@@ -34,7 +34,8 @@ _EQUATION = re.compile(r", eq\. [^;]*")  # of a source: a number that only its r
 def folder_section(facts: FolderFacts, hide: Callable[[str], str] = str) -> dict[str, Any]:
     """Return the section of a page on a folder of fits: measurement, typical budget, exclusions, figures, origin.
 
-    `hide` takes paths out of texts. Parts for which curves would have to be fitted again, and cannot, have a note.
+    `facts` are a folder of fits with the rows that are reported. `hide` takes paths out of texts. Parts for which
+    curves would have to be fitted again, and cannot, have a note.
     """
     notes: list[str] = []
     section: dict[str, Any] = {"measured": {}, "budget": None}
@@ -87,7 +88,10 @@ def _typical_budget(facts: FolderFacts) -> dict[str, Any] | None:
 
 
 def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
-    """Return the best, the middle and the worst curve, and some that are not used."""
+    """Return the best, the middle and the worst curve, and some that are not used.
+
+    `facts` have the rows of a folder of fits; drawings are curves with measured and modelled force.
+    """
     folder: FitFolder = facts.folder
     groups = []
     ranked = ranked_rows(facts)

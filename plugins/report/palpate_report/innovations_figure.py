@@ -35,7 +35,7 @@ class _Autocorrelation:
 def innovations(subject: Subject) -> ReportFigure | None:
     """Return a figure of innovations over their standard deviations, over time, and of their autocorrelation.
 
-    None without a track that has innovations.
+    `subject` is a run with its tracks. None without a track that has innovations.
     """
     autocorrelations = dict(_autocorrelations(subject))
     names = [name for name in subject.tracks if _innovation_count(subject.curves(name)) > _MIN_SAMPLES]
@@ -59,7 +59,11 @@ def _innovation_count(curves: Curves) -> int:
 
 
 def _draw_over_time(panel: Any, tracks: Sequence[Curves]) -> dict[str, Floats]:
-    """Draw medians and quartiles of innovations over time, and return them by column [SI]."""
+    """Draw medians and quartiles of innovations over time, and return them by column [SI].
+
+    Lines are medians, bands quartiles, dotted lines the quartiles of white noise; `tracks` have innovations (n,) over
+    their standard deviations.
+    """
     data: dict[str, Floats] = {}
     for curves in tracks:
         time, (low, median, high) = quartiles(

@@ -20,8 +20,10 @@ _COLOUR_QUANTILES = [0.01, 0.99]  # of the values, between which the colours run
 
 
 def draw_map(subject: Subject) -> ReportFigure | None:
-    """Return the map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found
-    some."""
+    """Return the map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found some.
+
+    `subject` is a run with its tracks. None where the tip stayed at one place.
+    """
     if subject.main is None or not swept(subject.curves(subject.main).place):
         return None
     main = subject.curves(subject.main)

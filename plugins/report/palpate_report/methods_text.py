@@ -254,7 +254,10 @@ def _exclusions(facts: FolderFacts) -> Iterator[str]:
 
 
 def _verdicts(facts: FolderFacts) -> Iterator[str]:
-    """Yield sentences on the verdicts of each value that is not good in all curves, and on shared findings."""
+    """Yield sentences on the verdicts of each value that is not good in all curves, and on shared findings.
+
+    `facts` have the rows of a folder of fits, as a table of results.
+    """
     table = facts.table  # of results, a row for each curve that is used
     for name in table.names:
         verdicts = Counter(
@@ -306,7 +309,7 @@ def _percent(share: float) -> str:
 def _sources(facts: FolderFacts) -> list[str]:
     """Return the sources of uncertainty, in words, that contribute to a value of a typical curve.
 
-    None of them where the curve cannot be fitted here.
+    `facts` have the rows of a folder of fits, one of which is typical. Empty where that curve cannot be fitted here.
     """
     row = facts.typical(facts.values[0])
     try:

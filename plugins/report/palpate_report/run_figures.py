@@ -28,7 +28,8 @@ _GREY = "0.6"
 def force_depth(subject: Subject) -> ReportFigure | None:
     """Return a figure of the contact force over depth, measured and by the model of the main track.
 
-    Of a sweep, whose material changes, the last seconds. None without a track, or with too few samples.
+    `subject` is a run with its tracks, one of which is the main one. Of a sweep, whose material changes, the last
+    seconds. None without a track, or with too few samples.
     """
     if subject.main is None:
         return None
@@ -61,7 +62,8 @@ def _long(curves: Curves) -> float:
 def over_time(subject: Subject) -> ReportFigure | None:
     """Return a figure of the contact force over time, measured and by the models; of a long record the end of contact.
 
-    None without a track, or with fewer than two samples.
+    `subject` is a run with its tracks, one of which is the main one. None without a track, or with fewer than two
+    samples.
     """
     if subject.main is None:
         return None
@@ -95,7 +97,10 @@ def over_time(subject: Subject) -> ReportFigure | None:
 
 
 def residuals(subject: Subject) -> ReportFigure | None:
-    """Return a figure of the residual, measured less model, over time and over depth, by medians and quartiles."""
+    """Return a figure of the residual, measured less model, over time and over depth, by medians and quartiles.
+
+    `subject` is a run with its tracks; curves are one track over time.
+    """
     tracks = [subject.curves(name) for name in subject.tracks]
     tracks = [curves for curves in tracks if np.isfinite(curves.residual[curves.settled]).any()][:_MAX_DRAWN]
     if not tracks:

@@ -53,7 +53,7 @@ def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = Non
 def page_of(record: RunContents, track: str | None = None, anonymous: bool = False) -> str:
     """Return the whole page (HTML) of one run; an `anonymous` one is without host and paths.
 
-    `track` is shown first, by default the best.
+    `record` is a run folder as far as it can be read. `track` is shown first, by default the best.
     """
     subject = subject_of(record, judge(record), track)
     # A veil takes host and paths out of texts and documents.

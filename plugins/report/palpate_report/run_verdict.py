@@ -56,8 +56,9 @@ class RunVerdict:
 def judge(record: RunContents) -> RunVerdict:
     """Return the verdict on a run, whether it has a result or not.
 
-    A track is as good as its verdict in ``result.json``. The best one is that of the best level, then one whose
-    residual is not much above the least, then of the smallest relative uncertainty.
+    `record` is a run folder as far as it can be read. A track is as good as its verdict in ``result.json``. The best
+    one is that of the best level, then one whose residual is not much above the least, then of the smallest relative
+    uncertainty.
     """
     if record.why_not is not None:
         return RunVerdict(LEVELS[2], tracks=(), reasons=(record.why_not,))
