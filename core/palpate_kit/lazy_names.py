@@ -8,7 +8,7 @@ from typing import Any
 
 
 def lazy_names(package: str, *targets: str) -> tuple[Callable[[str], Any], list[str]]:
-    """Return ``__getattr__`` and ``__all__`` of a package that offers what ``module:name`` targets name.
+    """Return ``__getattr__`` and ``__all__`` of a package that offers the names of targets ``module:name``.
 
     A family gives the targets that its hooks return, so that a part is registered once. `__getattr__` raises
     AttributeError for an unknown name, with a similar one.
@@ -16,7 +16,7 @@ def lazy_names(package: str, *targets: str) -> tuple[Callable[[str], Any], list[
     modules = {name: module for module, _, name in (target.partition(":") for target in targets)}
 
     def import_name(name: str) -> Any:
-        """Return what a public name stands for."""
+        """Import the module of a public name, and return the object of that name."""
         if name in modules:
             return getattr(import_module(modules[name]), name)
         from palpate import suggest

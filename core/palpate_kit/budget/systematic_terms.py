@@ -28,12 +28,12 @@ def systematic_terms(
     sources: Sequence[UncertaintySource] = (),
     included: Container[str] = (),
 ) -> list[Term]:
-    """Return the terms of everything that is declared, or has a default.
+    """Return the terms of the systematic uncertainty: the shifts (k,) of the parameters by each source.
 
-    `sensitivity` has the force along the last samples with its derivatives by parameters and surface; without one only
-    timing has a term. Causes that an estimator has `included` in its own uncertainty are left out, and without a
-    `report` of the alignment those that only it states: tare, and directions of a tool that turns. `timing` is the
-    standard uncertainty of the delay [s].
+    A source is declared, or has a default standard uncertainty u. `sensitivity` has the force along the last samples
+    with its derivatives by parameters and surface; without one only timing has a term. Causes that an estimator has
+    `included` in its own uncertainty are left out, and without a `report` of the alignment those that only it states:
+    tare, and directions of a tool that turns. `timing` is the standard uncertainty of the delay [s].
 
     Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
     the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last

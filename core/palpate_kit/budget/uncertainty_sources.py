@@ -56,11 +56,12 @@ def declared_source(model: ContactModel, name: str, value: Any, other_units: Map
 
 
 def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[UncertaintySource, ...]:
-    """Return every source that concerns a model; raises ValueError for a value that is not an uncertainty.
+    """Return every number of a model and its readings that is known with an uncertainty, declared or by default.
 
-    A tip's radius that is not declared is known to 0.5 %, and Poisson's ratio within 0.02 below its value: u is
-    0.02/sqrt(3) about a value at the end of a rectangular distribution. Of a skin that is stated, the inclination is
-    known to 2 degrees, a radius to 5 %, and whether the tip sticks on an inclination is not known.
+    `declared` are uncertainties by name; raises ValueError for a value that is not one. A tip's radius that is not
+    declared is known to 0.5 %, and Poisson's ratio within 0.02 below its value: u is 0.02/sqrt(3) about a value at the
+    end of a rectangular distribution. Of a skin that is stated, the inclination is known to 2 degrees, a radius to 5 %,
+    and whether the tip sticks on an inclination is not known.
     """
     sources = []
     # Scales of the readings, such as `force_scale`, are 1; then the numbers of the model: path of keys, value, unit.

@@ -95,10 +95,11 @@ def connect_scheduler(address: str, folder: Path, shared: bool = True) -> Iterat
 
 
 def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Generator[tuple[Task, Any]]:
-    """Yield what a function makes of every task, in any order; an exception where it raised, or where its workers died.
+    """Call a function on the workers for every task, and yield each task with its result, in any order.
 
-    `client` is that of dask.distributed. Each worker has a few tasks, so that it need not wait for the next one. Raises
-    UserError where nobody has worked for five minutes, and where a worker has come that is not as here.
+    The result is an exception where the function raised it, or where the task's workers died. `client` is that of
+    dask.distributed. Each worker has a few tasks, so that it need not wait for the next one. Raises UserError where
+    nobody has worked for five minutes, and where a worker has come that is not as here.
     """
     waiting = iter(tasks)
     running: dict[str, Task] = {}

@@ -199,11 +199,12 @@ def _modified_transforms(joints: Sequence[DHJoint], flange: float) -> list[Float
 
 @lru_cache(maxsize=16)  # Newton's method begins where it last ended
 def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
-    """Return what `ArmModel.flange` does: pose (4, 4) of the flange, and the axes (n, 2, 3) of the joints.
+    """Return the pose (4, 4) of the flange at joint angles q (n,) [rad], and the axes (n, 2, 3) of the joints.
 
-    T = [[xu, xv, xw, x], [yu, yv, yw, y], [zu, zv, zw, z], [0, 0, 0, 1]] becomes T Rz(q_i) L_i joint by joint, with the
-    link L_i = [[a, b, c, along], [d, e, f, across], [g, h, i, up], [0, 0, 0, 1]]; (u, v, w) is a row of T Rz(q_i). In
-    plain floats, as products of small matrices in numpy take three times as long.
+    An axis is a point [m] and a direction. T = [[xu, xv, xw, x], [yu, yv, yw, y], [zu, zv, zw, z], [0, 0, 0, 1]]
+    becomes T Rz(q_i) L_i joint by joint, with the link L_i = [[a, b, c, along], [d, e, f, across], [g, h, i, up], [0,
+    0, 0, 1]]; (u, v, w) is a row of T Rz(q_i). In plain floats, as products of small matrices in numpy take three times
+    as long.
     """
     xu, xv, xw, yu, yv, yw, zu, zv, zw, x, y, z = model.base
     axes = []
@@ -227,9 +228,10 @@ def _flange(q: tuple[float, ...], model: ArmModel) -> tuple[Floats, Floats]:
 
 
 def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
-    """Return what `ArmModel.tip` does, from the flange's pose `end` and the `axes` of `ArmModel.flange`.
+    """Return the pose (4, 4) of the tip, and its Jacobian (6, n), by the flange's pose `end` and the joints' `axes`.
 
-    A joint with the axis e through a moves the tip p by v = e x (p - a), w = e.
+    An axis is a point [m] and a direction, `tcp` (4, 4) is the tip on the flange. A joint with the axis e through a
+    moves the tip p by v = e x (p - a), w = e.
     """
     pose = end @ tcp
     arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]

@@ -46,7 +46,8 @@ def at_limit(force: Floats, height: Floats, rows: NDArray[np.bool_]) -> NDArray[
 def _stands_with_tip(force: Floats, height: Floats, limited: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
     """Return True if a force without noise stands because the tip does: no digit of it would have changed.
 
-    By the slope of the force over the height in the upper half of the other samples, and the way of the tip meanwhile.
+    `limited` and `free` (n,) are the samples at the limit and the others. By the slope of the force over the height in
+    the upper half of the other samples, and the way of the tip meanwhile.
     """
     digit = LastDigit.of(force[limited | free])
     if not digit.exceeds_noise(force[free]):

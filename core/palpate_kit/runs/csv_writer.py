@@ -93,8 +93,9 @@ def _number_words(numbers: Floats) -> tuple[Words, Words, Words]:
 
 
 def _digit_words(high: Words, low: Words, form: NDArray[np.int64]) -> tuple[Words, Words]:
-    """Return ten digits as text in two words, of two halves: with the point of their form, without what it leaves out.
+    """Return ten digits as text in two words: with the point of their form, without digits that the form leaves out.
 
+    `high` and `low` are the words of five digits each. A form says how many digits are before the point and kept.
     Digits before the point stay, those behind it move on by one character.
     """
     first = high | (low << np.uint64(_BYTE_BITS * _HALF_DIGITS))

@@ -158,10 +158,11 @@ def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
 
 
 def added_table(family: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
+    """Return the table of one more model or estimator (`family`) for a pipeline, by the name of its type.
 
-    Other numbers of a model are defaults, which are added to ``[run] assumed``. Raises ConfigurationError for a part
-    that needs a tip where the pipeline has none.
+    It is on the pipeline's tip if it needs one; a model has the settings that the pipeline's models share. Other
+    numbers of a model are defaults, which are added to ``[run] assumed``. Raises ConfigurationError for a part that
+    needs a tip where the pipeline has none.
     """
     part = registries.load().find(family, name)
     table: dict[str, Any] = {"type": name}

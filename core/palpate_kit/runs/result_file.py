@@ -146,7 +146,7 @@ def _demand_valid(document: Any, model: type[Document], path: Path, place: str =
 
 
 def _upgrade(document: dict[str, Any]) -> None:
-    """Name and complete what versions before this one wrote; what is damaged is left as it is."""
+    """Rename and complete the tables of a result of an earlier version; damaged entries are left as they are."""
     for run in _tables([document.get("run")]):
         for live in _tables([run.get("live")]):
             if "rest" in live:

@@ -15,8 +15,7 @@ _HEAD = "Facts of the rig and its specimens, for palpate; docs/rig-facts.md expl
 
 
 def write_rig(path: Path, changes: Mapping[str, Any]) -> None:
-    """Set keys of a file of facts, created if missing, or drop those that are to be None, the last one with the file
-    that was created.
+    """Set or drop keys of a file of facts (TOML), which is created if missing, and removed with its last key.
 
     `changes` are values by key, None for a key that is dropped. Tables that do not change stay, with comments. Raises
     OutputError, ConfigurationError.

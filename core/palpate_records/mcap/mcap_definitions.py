@@ -49,7 +49,7 @@ class Definitions:
         return True
 
     def settle(self, counts: Mapping[int, int]) -> list[str]:
-        """Define what messages still need from damaged chunks; return the topics whose definitions come from there.
+        """Define channels and schemas that messages lack, from damaged chunks; return the topics that are so defined.
 
         `counts` are the messages of each channel.
         """
