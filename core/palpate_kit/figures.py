@@ -71,9 +71,9 @@ def legend_outside(axes: Any, columns: int = 3) -> None:
     if handles:
         panel_width = axes.figure.get_figwidth() * _INCH / axes.get_subplotspec().get_gridspec().ncols
         entry_width = _HANDLE_WIDTH + _LETTER_WIDTH * max(map(len, labels))
-        fitting = int(_LEGEND_SHARE * panel_width // entry_width)
-        place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-        axes.legend(handles, labels, ncols=max(1, min(columns, fitting, len(labels))), **place)
+        fitting_columns = int(_LEGEND_SHARE * panel_width // entry_width)
+        placement = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+        axes.legend(handles, labels, ncols=max(1, min(columns, fitting_columns, len(labels))), **placement)
 
 
 def force_unit(size: float) -> tuple[str, float]:

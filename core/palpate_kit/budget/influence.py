@@ -34,13 +34,15 @@ def influence(jacobian: Floats) -> Callable[[Floats], Floats] | None:
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         return None
     # Sums and a small explicit inverse: the same bits on every run.
-    unit = jacobian / scale
-    normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
+    scaled_columns = jacobian / scale
+    normal_matrix = (scaled_columns[:, :, None] * scaled_columns[:, None, :]).sum(axis=0)
     # The condition number of J^T J is the square of that of J.
-    if np.linalg.cond(normal) > _INDISTINCT**-2:
-        inverse = symmetric_inverse(normal, _INDISTINCT**2)
-        return lambda error: np.asarray(inverse @ (unit * error[:, None]).sum(axis=0) / scale)
-    return lambda error: np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
+    if np.linalg.cond(normal_matrix) > _INDISTINCT**-2:
+        inverse = symmetric_inverse(normal_matrix, _INDISTINCT**2)
+        return lambda error: np.asarray(inverse @ (scaled_columns * error[:, None]).sum(axis=0) / scale)
+    return lambda error: np.asarray(
+        np.linalg.solve(normal_matrix, (scaled_columns * error[:, None]).sum(axis=0)) / scale
+    )
 
 
 def effects_by_name(model: ContactModel, shifts: Floats | None) -> dict[str, float] | None:

@@ -163,8 +163,8 @@ def contact_law(position: Floats, force: Floats) -> ContactEvidence:
     ridge = _RIDGE * np.eye(terms.shape[1]) * len(response)
     coefficients = np.linalg.solve(squares.sum(axis=0) + ridge, products.sum(axis=0))
     share = 1.0 - float(np.mean((response - terms @ coefficients) ** 2))
-    error = _bend_error(squares, products, ridge)
-    bend = float(coefficients[_BEND] / error) if error > 0 else 0.0
+    bend_error = _bend_error(squares, products, ridge)
+    bend = float(coefficients[_BEND] / bend_error) if bend_error > 0 else 0.0
     return ContactEvidence(share, float(coefficients[1]), bend, float(np.mean(z * response)))
 
 
@@ -193,9 +193,9 @@ def rest_level(force: Floats) -> tuple[float, float]:
     to zero itself.
     """
     ordered = np.sort(force)
-    width = max(len(ordered) // _DENSEST_PART, 1)
-    densest = int(np.argmin(ordered[width:] - ordered[:-width]))
-    level = float(np.median(ordered[densest : densest + width + 1]))
+    window_size = max(len(ordered) // _DENSEST_PART, 1)
+    densest = int(np.argmin(ordered[window_size:] - ordered[:-window_size]))
+    level = float(np.median(ordered[densest : densest + window_size + 1]))
     tolerance = max(_REST_NOISE * noise(force), _REST_SPAN * float(np.ptp(force)))
     begin = force[: max(len(force) // _BEGIN_PART, _MIN_BEGIN)]
     first_level = float(np.median(begin))

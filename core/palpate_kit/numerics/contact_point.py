@@ -81,10 +81,10 @@ def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> 
     rise. `approach` has the heights (n,) [m] of the way down, `force` (n,) [N] is its force less a baseline. None where
     the force is never below the level, or only there.
     """
-    below = np.flatnonzero(force <= level)
-    if not len(below) or below[-1] >= len(force) - 2:
+    rows_below = np.flatnonzero(force <= level)
+    if not len(rows_below) or rows_below[-1] >= len(force) - 2:
         return None
-    last_below = int(below[-1])
+    last_below = int(rows_below[-1])
     rows = slice(last_below, min(last_below + _RISE_SAMPLES, len(force)))
     _, rise = _line(approach.height[rows], force[rows])
     upper, lower = approach.height[last_below], approach.height[last_below + 1]
@@ -112,17 +112,17 @@ def _gradient_point(approach: Approach) -> ContactPoint | None:
         return None
     centres = 0.5 * (edges[1:] + edges[:-1])
     weights = np.full(_SMOOTH_BINS, 1.0 / _SMOOTH_BINS)
-    smooth = np.convolve(np.pad(means, _SMOOTH_BINS // 2, mode="edge"), weights, mode="valid")
-    rise = -np.gradient(smooth, centres)  # [N/m] of depth
+    smooth_force = np.convolve(np.pad(means, _SMOOTH_BINS // 2, mode="edge"), weights, mode="valid")
+    rise = -np.gradient(smooth_force, centres)  # [N/m] of depth
     in_air = centres > approach.height[: approach.air].min()
     std = float(rise[in_air].std()) if in_air.sum() >= _MIN_AIR_BINS else 0.0
     steepest = int(np.argmax(rise))
     level = max(_GRADIENT_SHARE * rise[steepest], _DEVIATION_SIGMAS * std)
-    below = np.flatnonzero(rise[: steepest + 1] <= level)
-    if not len(below) or rise[steepest] <= level:
+    bins_below = np.flatnonzero(rise[: steepest + 1] <= level)
+    if not len(bins_below) or rise[steepest] <= level:
         return None
     width = abs(float(centres[1] - centres[0]))
-    return ContactPoint(float(centres[below[-1]]), float(np.hypot(width, width * std / rise[steepest])))
+    return ContactPoint(float(centres[bins_below[-1]]), float(np.hypot(width, width * std / rise[steepest])))
 
 
 def bin_force(approach: Approach) -> tuple[Floats, Floats]:

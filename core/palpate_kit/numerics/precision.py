@@ -37,44 +37,44 @@ def precision(levels: Sequence[Sequence[Floats]]) -> Precision | None:
     values is 1.96 sqrt(2) s_r, with s_R where there are several groups. Groups of one value each have s_R, the scatter
     between them, alone.
     """
-    within = freedom = 0.0
+    square_sum = freedom = 0.0
     parts: list[tuple[float, float]] = []  # s_L^2 before it is cut, and degrees of freedom
     for groups in levels:
-        within += sum(_square_sum(group) for group in groups)
+        square_sum += sum(_square_sum(group) for group in groups)
         freedom += sum(len(group) - 1 for group in groups)
     if not freedom:
         return _single_values(levels)
-    repeat = within / freedom
+    repeat_variance = square_sum / freedom
     for groups in levels:
         if len(groups) > 1:
-            parts.append((_between(groups, repeat), len(groups) - 1))
-    total = sum(weight for _, weight in parts)
-    between = max(sum(part * weight for part, weight in parts) / total, 0.0) if total else 0.0
-    both = math.sqrt(repeat + between)
+            parts.append((_between(groups, repeat_variance), len(groups) - 1))
+    weight_sum = sum(weight for _, weight in parts)
+    between_variance = max(sum(part * weight for part, weight in parts) / weight_sum, 0.0) if weight_sum else 0.0
+    reproducibility = math.sqrt(repeat_variance + between_variance)
     return Precision(
-        repeatability=math.sqrt(repeat),
-        between=math.sqrt(between),
-        reproducibility=both,
+        repeatability=math.sqrt(repeat_variance),
+        between=math.sqrt(between_variance),
+        reproducibility=reproducibility,
         values=sum(len(group) for groups in levels for group in groups),
         groups=max(len(groups) for groups in levels),
-        detectable=_CHANGE * both,
+        detectable=_CHANGE * reproducibility,
     )
 
 
 def _single_values(levels: Sequence[Sequence[Floats]]) -> Precision | None:
     """Return the precision of groups of one value each: s_R, the scatter between groups, alone; None without two."""
-    rows = [np.concatenate(groups) for groups in levels]
-    freedom = sum(len(row) - 1 for row in rows)
+    values_by_level = [np.concatenate(groups) for groups in levels]
+    freedom = sum(len(row) - 1 for row in values_by_level)
     if not freedom:
         return None
-    both = math.sqrt(sum(_square_sum(row) for row in rows) / freedom)
+    reproducibility = math.sqrt(sum(_square_sum(row) for row in values_by_level) / freedom)
     return Precision(
         repeatability=math.nan,
         between=math.nan,
-        reproducibility=both,
-        values=sum(map(len, rows)),
-        groups=max(map(len, rows)),
-        detectable=_CHANGE * both,
+        reproducibility=reproducibility,
+        values=sum(map(len, values_by_level)),
+        groups=max(map(len, values_by_level)),
+        detectable=_CHANGE * reproducibility,
     )
 
 
@@ -121,18 +121,18 @@ def repeat_correlation(targets: Sequence[Floats]) -> Correlation | None:
     freedom = float(sizes.sum() - len(targets))
     if len(targets) < 2 or not freedom:
         return None
-    within = sum(_square_sum(target) for target in targets) / freedom
-    size = _effective_size(sizes)
-    between = within + size * _between(targets, within)
-    if not within > 0.0:
-        return Correlation(1.0, 1.0, 1.0) if between > 0 else None
+    within_square = sum(_square_sum(target) for target in targets) / freedom
+    effective_size = _effective_size(sizes)
+    between_square = within_square + effective_size * _between(targets, within_square)
+    if not within_square > 0.0:
+        return Correlation(1.0, 1.0, 1.0) if between_square > 0 else None
     # ICC = (F - 1)/(F + n_0 - 1) by the ratio F of the mean squares, whose interval is that of the F distribution.
-    ratio, between_freedom = between / within, len(targets) - 1
+    ratio, between_freedom = between_square / within_square, len(targets) - 1
     low, high = (
         ratio / f.ppf(_UPPER_PROBABILITY, between_freedom, freedom),
         ratio * f.ppf(_UPPER_PROBABILITY, freedom, between_freedom),
     )
-    return Correlation(*(float((x - 1.0) / (x + size - 1.0)) for x in (ratio, low, high)))
+    return Correlation(*(float((x - 1.0) / (x + effective_size - 1.0)) for x in (ratio, low, high)))
 
 
 def method_correlation(table: Floats) -> float:
@@ -146,12 +146,12 @@ def method_correlation(table: Floats) -> float:
     if targets < 2 or methods < 2:
         return math.nan
     grand = table.mean()
-    rows = methods * float(((table.mean(axis=1) - grand) ** 2).sum()) / (targets - 1)
-    columns = targets * float(((table.mean(axis=0) - grand) ** 2).sum()) / (methods - 1)
+    row_square = methods * float(((table.mean(axis=1) - grand) ** 2).sum()) / (targets - 1)
+    column_square = targets * float(((table.mean(axis=0) - grand) ** 2).sum()) / (methods - 1)
     residual = table - table.mean(axis=1, keepdims=True) - table.mean(axis=0, keepdims=True) + grand
-    error = float((residual**2).sum()) / ((targets - 1) * (methods - 1))
-    whole = rows + (methods - 1) * error + methods * (columns - error) / targets
-    return (rows - error) / whole if whole > 0 else math.nan
+    residual_square = float((residual**2).sum()) / ((targets - 1) * (methods - 1))
+    denominator = row_square + (methods - 1) * residual_square + methods * (column_square - residual_square) / targets
+    return (row_square - residual_square) / denominator if denominator > 0 else math.nan
 
 
 def grouped(values: Sequence[float], labels: Sequence[str]) -> Mapping[str, Floats]:

@@ -105,9 +105,9 @@ def _blur(sharp_rate: Floats, rate: Floats) -> float:
     if not square > 0:
         return 0.0
     slope = float(sharp_rate @ rate) / square
-    error = sharp_rate - slope * rate
+    residual = sharp_rate - slope * rate
     # Neighbours share a window: of so many samples the errors count once.
-    standard_error = np.sqrt(_SHORTEST * float(error @ error) / square / len(rate))
+    standard_error = np.sqrt(_SHORTEST * float(residual @ residual) / square / len(rate))
     return slope - 1.0 - _SIGNIFICANT * float(standard_error)
 
 
@@ -141,11 +141,11 @@ def rate_kernels(
     width = _width(noise, speed, interval, _LONGEST)
     slope, smooth = cubic_weights(width, 1) / interval, cubic_weights(width)
     variances = _variances(noise, width, interval)
-    share = variances[0] / sum(variances) if np.isfinite(sum(variances)) and sum(variances) > 0 else 0.0
-    by_height = np.pad((1.0 - share) * slope, 1)
+    velocity_weight = variances[0] / sum(variances) if np.isfinite(sum(variances)) and sum(variances) > 0 else 0.0
+    by_height = np.pad((1.0 - velocity_weight) * slope, 1)
     if not channel:
-        by_height = by_height + share * np.convolve(smooth, np.array([1.0, 0.0, -1.0]) / (2.0 * interval))
-    by_speed = share * smooth * float(channel)
+        by_height = by_height + velocity_weight * np.convolve(smooth, np.array([1.0, 0.0, -1.0]) / (2.0 * interval))
+    by_speed = velocity_weight * smooth * float(channel)
     return by_height, by_speed, np.convolve(by_height, slope), np.convolve(by_speed, slope)
 
 
@@ -286,26 +286,27 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
     that is shorter than the shortest window has its velocity, and no acceleration.
     """
     count = len(samples)
-    slope, smooth, acceleration = np.zeros(count), np.zeros(count), np.zeros(count)
+    slope, smooth_velocity, acceleration = np.zeros(count), np.zeros(count), np.zeros(count)
     variances = _variances(noise, width, interval)
     total = sum(variances)
-    share = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity
+    velocity_weight = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity
     for rows in _stretches(samples.interval, interval):
         # A stretch between gaps has a window of its own where it is shorter than the usual one.
         length = rows.stop - rows.start
         fitting = min(width, (length - 1) // 2 * 2 + 1)
         if fitting < _SHORTEST:
-            slope[rows] = smooth[rows] = np.nan_to_num(samples.velocity[rows])
+            slope[rows] = smooth_velocity[rows] = np.nan_to_num(samples.velocity[rows])
             continue
         step = local_cubic(samples.time[rows], fitting, 1)
         slope[rows] = local_cubic(samples.position[rows], fitting, 1) / step
         velocity = samples.velocity[rows]
-        smooth[rows] = local_cubic(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
-        acceleration[rows] = local_cubic((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
+        smooth_velocity[rows] = local_cubic(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
+        joined = (1 - velocity_weight) * slope[rows] + velocity_weight * smooth_velocity[rows]
+        acceleration[rows] = local_cubic(joined, fitting, 1) / step
     # In place, for records are long: slope becomes the rate of the depth.
-    slope *= share - 1
-    smooth *= share
-    slope -= smooth  # minus the rate of the height
+    slope *= velocity_weight - 1
+    smooth_velocity *= velocity_weight
+    slope -= smooth_velocity  # minus the rate of the height
     np.negative(acceleration, out=acceleration)
     return TipTravel(slope, acceleration, width * interval, _rate_noise(noise, width, interval))
 

@@ -36,15 +36,15 @@ def linear_part(matrix: Floats, target: Floats, low: Floats | None = None, high:
     if not (np.isfinite(scale).all() and np.isfinite(target).all()):
         return LinearPart(np.inf, np.zeros(len(scale)))
     scale[scale == 0] = 1.0
-    unit = matrix / scale
-    unknowns = np.linalg.lstsq(unit, target, rcond=None)[0] / scale
+    scaled_columns = matrix / scale
+    unknowns = np.linalg.lstsq(scaled_columns, target, rcond=None)[0] / scale
     if low is not None and high is not None and (np.any(unknowns < low) or np.any(unknowns > high)):
         low_scaled, high_scaled = low * scale, high * scale
         origin = np.clip(0.0, low_scaled, high_scaled)
-        slope = -(unit.T @ (target - unit @ origin))
-        square = unit.T @ unit + _RIDGE * np.eye(len(scale))
+        slope = -(scaled_columns.T @ (target - scaled_columns @ origin))
+        normal_matrix = scaled_columns.T @ scaled_columns + _RIDGE * np.eye(len(scale))
         # Quadratic programme about the point of the bounds that is nearest to 0.
-        scaled_unknowns = origin + bounded_quadratic(square, slope, low_scaled - origin, high_scaled - origin)
+        scaled_unknowns = origin + bounded_quadratic(normal_matrix, slope, low_scaled - origin, high_scaled - origin)
         unknowns = np.clip(scaled_unknowns / scale, low, high)
     residual = target - matrix @ unknowns
     return LinearPart(float(residual @ residual), unknowns)

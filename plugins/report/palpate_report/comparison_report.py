@@ -175,17 +175,17 @@ def _statistics(
         single_unit = "" if comparison.singles else f"1 ({comparison.unit})"
         return row | {"units": single_unit, "mean": value_with_uncertainty(factor * values[0], factor * combined[0])}
     std = float(values.std(ddof=1))
-    stated = float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan
-    units = next(candidate for candidate in comparison.groups if candidate.name == group)
+    stated_uncertainty = float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan
+    unit_group = next(candidate for candidate in comparison.groups if candidate.name == group)
     # Single values are taken in their order, in which neighbours may correlate; units of several are not.
-    scatter = std_of_mean(values) if comparison.singles else units.std_of_mean
-    uncertainty_of_mean = combined_of_mean(scatter, common_of(runs, group, track, parameter))
+    scatter_of_mean = std_of_mean(values) if comparison.singles else unit_group.std_of_mean
+    uncertainty_of_mean = combined_of_mean(scatter_of_mean, common_of(runs, group, track, parameter))
     return row | {
-        "units": "" if comparison.singles else f"{units.units} ({comparison.unit})",
-        "mean": value_with_uncertainty(factor * units.mean, factor * uncertainty_of_mean),
+        "units": "" if comparison.singles else f"{unit_group.units} ({comparison.unit})",
+        "mean": value_with_uncertainty(factor * unit_group.mean, factor * uncertainty_of_mean),
         "std": f"{factor * std:.3g}",
-        "combined": f"{factor * stated:.3g}" if math.isfinite(stated) else "?",
-        "ratio": f"{std / stated:.2f}" if stated > 0 else "–",
+        "combined": f"{factor * stated_uncertainty:.3g}" if math.isfinite(stated_uncertainty) else "?",
+        "ratio": f"{std / stated_uncertainty:.2f}" if stated_uncertainty > 0 else "–",
     }
 
 

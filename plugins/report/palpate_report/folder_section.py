@@ -93,18 +93,18 @@ def _figures(facts: FolderFacts) -> list[dict[str, Any]]:
     `facts` have the rows of a folder of fits; drawings are curves with measured and modelled force.
     """
     folder: FitFolder = facts.folder
-    groups = []
+    pictures = []
     ranked = ranked_rows(facts)
     if ranked:
         drawings = [drawing(folder, row, rank) for rank, row in ranked.items()]
-        said = f"Least, middle and largest residual of the curves used ({'; '.join(captions(ranked))})"
-        groups.append(_picture(used_curves_figure(drawings), said))
+        caption = f"Least, middle and largest residual of the curves used ({'; '.join(captions(ranked))})"
+        pictures.append(_picture(used_curves_figure(drawings), caption))
     if excluded := excluded_rows(facts):
         drawings = [drawing(folder, row, str(number)) for number, row in enumerate(excluded, start=1)]
-        why = "; ".join(f"{number}: {exclusion_of(row)}" for number, row in enumerate(excluded, start=1))
-        said = f"{len(excluded)} of {sum(facts.exclusions.values())} curves that are not used ({why})"
-        groups.append(_picture(excluded_curves_figure(drawings), said))
-    return groups
+        reasons = "; ".join(f"{number}: {exclusion_of(row)}" for number, row in enumerate(excluded, start=1))
+        caption = f"{len(excluded)} of {sum(facts.exclusions.values())} curves that are not used ({reasons})"
+        pictures.append(_picture(excluded_curves_figure(drawings), caption))
+    return pictures
 
 
 def _picture(figure: Any, caption: str) -> dict[str, Any]:

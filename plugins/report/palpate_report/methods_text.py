@@ -235,20 +235,21 @@ def _fit(pipeline: Pipeline) -> Phrase:
 
 def _exclusions(facts: FolderFacts) -> Iterator[str]:
     """Yield sentences on the curves that were used and excluded, their verdicts, open facts and own settings."""
-    every, used = len(facts.rows), len(facts.used)
-    if every == used:
-        yield f"All {every} {_curves(every)} were used."
+    total, used_count = len(facts.rows), len(facts.used)
+    if total == used_count:
+        yield f"All {total} {_curves(total)} were used."
     else:
-        why = [f"{printable(reason)}, n = {count}" for reason, count in facts.exclusions.items()]
-        excluded = every - used
+        reasons = [f"{printable(reason)}, n = {count}" for reason, count in facts.exclusions.items()]
+        excluded_count = total - used_count
         yield (
-            f"Of the {every} {_curves(every)}, {used} {_were(used)} used and {excluded} {_were(excluded)} excluded "
-            f"({'; '.join(why)})."
+            f"Of the {total} {_curves(total)}, {used_count} {_were(used_count)} used and "
+            f"{excluded_count} {_were(excluded_count)} excluded ({'; '.join(reasons)})."
         )
     yield from _verdicts(facts)
     for name in facts.values:
-        if lost := sum(needs_fact(row.verdict_of(name)) for row in facts.used):
-            yield f"{readable(name).capitalize()} of {lost} of them needs a fact that was not stated, and is left out."
+        if open_count := sum(needs_fact(row.verdict_of(name)) for row in facts.used):
+            subject = f"{readable(name).capitalize()} of {open_count} of them"
+            yield f"{subject} needs a fact that was not stated, and is left out."
     if facts.own_settings:
         yield f"{facts.own_settings} {_curves(facts.own_settings)} had settings of their own."
 

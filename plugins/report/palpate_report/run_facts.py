@@ -47,7 +47,9 @@ def true_values(document: Mapping[str, Any]) -> list[str]:
     units["surface"] = "m"
     truth = document.get("truth", {})
     return [
-        f"{readable(name)} {number_with_unit(value, units[name], 5)}" for name, value in truth.items() if name in units
+        f"{readable(name)} {number_with_unit(value, units[name], digits=5)}"
+        for name, value in truth.items()
+        if name in units
     ]
 
 

@@ -71,8 +71,8 @@ def over_time(subject: Subject) -> ReportFigure | None:
     rows = np.flatnonzero(np.isfinite(main.force))
     if len(rows) < 2:
         return None
-    long = float(np.ptp(main.time[rows])) > _MIN_LONG * _CLOSE_UP
-    if long:
+    is_long = float(np.ptp(main.time[rows])) > _MIN_LONG * _CLOSE_UP
+    if is_long:
         end = float(main.time[np.flatnonzero(main.used)[-1]]) if main.used.any() else float(main.time[rows][-1])
         rows = rows[(main.time[rows] <= end) & (main.time[rows] >= end - _CLOSE_UP)]
     rows = rows[thin_rows(len(rows), MAX_POINTS)]
@@ -86,13 +86,13 @@ def over_time(subject: Subject) -> ReportFigure | None:
         if not curves.used.any():
             continue
         model = np.where(curves.used, curves.model, np.nan)
-        shown = np.interp(main.time[rows], curves.time, model)
-        axis.plot(main.time[rows], shown, linewidth=0.8, label=name)
-        data[f"{name}:force_N"] = shown
+        model_force = np.interp(main.time[rows], curves.time, model)
+        axis.plot(main.time[rows], model_force, linewidth=0.8, label=name)
+        data[f"{name}:force_N"] = model_force
     axis.set(xlabel="time [s]", ylabel="contact force [N]")
     axis.set_ylim(_around(main.force[rows]))
     legend_outside(axis, columns=4)
-    caption = f"Contact force over time{f', the last {_CLOSE_UP:g} s of contact' if long else ''}"
+    caption = f"Contact force over time{f', the last {_CLOSE_UP:g} s of contact' if is_long else ''}"
     return ReportFigure(figure, caption, data)
 
 

@@ -47,14 +47,14 @@ def supplement_table(facts: FolderFacts) -> Table:
     """
     folder = facts.folder
     # Unit and factor from SI of each value.
-    shown = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
-    heads = [f"{readable(name)}\n{word}" if word != "1" else name for name, (word, _) in shown.items()]
+    unit_and_factor = {name: display_unit(folder.units.get(name, "1")) for name in facts.values}
+    heads = [f"{readable(name)}\n{word}" if word != "1" else name for name, (word, _) in unit_and_factor.items()]
     columns = folder.columns
     columns_left = ["curve", *columns, "verdict", "used"]
     rows = [
         [
             row.curve, *(row.groups.get(column, "") for column in columns),
-            *(_value(row, name, factor) for name, (_, factor) in shown.items()),
+            *(_value(row, name, factor) for name, (_, factor) in unit_and_factor.items()),
             _rms(row), row.verdict, "yes" if row.usable else exclusion_of(row),
         ]
         for row in facts.rows
