@@ -117,7 +117,8 @@ def rate_note(choices: Mapping[str, str], suggestions: Iterable[Suggestion]) -> 
 def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:
     """Return a pipeline in TOML with its reasons; the log's path is relative to the folder `beside`, if there is one.
 
-    Raises PluginError if no plugin offers the suggested template.
+    `suggestion` has the tables by which the log is read; a template has the rest, tip, model and estimators. Raises
+    PluginError if no plugin offers the suggested template.
     """
     templates = registries.load().templates
     if suggestion.template not in templates:

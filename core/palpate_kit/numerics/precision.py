@@ -112,7 +112,7 @@ class Correlation:
 def repeat_correlation(targets: Sequence[Floats]) -> Correlation | None:
     """Return ICC(1,1) of the values (m,) of each target, the share of their variance that is between targets.
 
-    None for fewer than two targets, or none with two values. The interval is exact where all have as many. Source:
+    None for fewer than two targets, or none with two values. Its 95 % interval is exact where all have as many. Source:
     Shrout and Fleiss 1979; McGraw and Wong 1996.
     """
     from scipy.stats import f

@@ -75,6 +75,7 @@ def _least_blurred_motion(
     by_position = noise[0], np.inf  # a velocity of infinite noise has no weight
     sharp_rate = _sharp_rate(samples, interval)
     sharper = [(w, noise) for w in reversed(_widths(width)) if w < width] + [(_SHORTEST, by_position)]
+    # Narrower widths, the widest first, and last the shortest one without the velocity.
     for narrower, its_noise in sharper:
         blur = _blur(sharp_rate, motion.rate)
         if blur < max(_MAX_BLUR, (_rate_noise(its_noise, narrower, interval) / max(speed, _MIN_SPEED)) ** 2):
@@ -135,8 +136,8 @@ def rate_kernels(
 
     In this order: rate by heights [1/s], rate by speeds [1], acceleration by heights [1/s^2], and by speeds [1/s].
 
-    `noise` of height [m] and speed [m/s], usual `speed` [m/s]; without a `channel` a speed is the central difference of
-    the heights.
+    `noise` of height [m] and speed [m/s], usual `speed` [m/s], `interval` [s] of the samples; without a `channel` of
+    the velocity a speed is the central difference of the heights.
     """
     width = _width(noise, speed, interval, _LONGEST)
     slope, smooth = cubic_weights(width, 1) / interval, cubic_weights(width)
@@ -297,6 +298,7 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
         if fitting < _SHORTEST:
             slope[rows] = smooth_velocity[rows] = np.nan_to_num(samples.velocity[rows])
             continue
+        # A local cubic over so many samples: its value (0), or its slope by sample (1).
         step = local_cubic(samples.time[rows], fitting, 1)
         slope[rows] = local_cubic(samples.position[rows], fitting, 1) / step
         velocity = samples.velocity[rows]

@@ -172,6 +172,7 @@ def _forms() -> tuple[Words, Words, Words]:
     A form is 11 times the digits before the point, 0 where all are behind a point that is written already, and
     the digits that are kept.
     """
+    # A mask of the characters of two words is one whole number, eight bits a character, the first in the lowest.
     bits = []
     for before in range(_DIGITS + 1):
         stay = (1 << _BYTE_BITS * before) - 1

@@ -43,7 +43,7 @@ def write_surface_map(surface_map: SurfaceMap) -> bytes:
     """Return the PLY file: x, y, z [m], NAME, NAME_std and p as properties of each vertex, and its colour (viridis).
 
     A map has vertices (n, 3) [m], faces, and at each vertex value and standard deviation of a parameter, and the chance
-    p of a place without a lump.
+    p that a place without a lump is as stiff.
     """
     import matplotlib
 

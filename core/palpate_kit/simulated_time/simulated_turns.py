@@ -126,7 +126,10 @@ class Turns:
             self._watching.remove(me)
 
     def block(self, me: Actor, until: int | None) -> None:
-        """Give the turn away until a time [ns], or until somebody wakes this actor."""
+        """Give the turn of an actor (a simulated thread) away until a time [ns], or until another one wakes it.
+
+        Raises EndOfThread if it was killed, DeadlockError if all wait for each other.
+        """
         if me.killed:
             raise EndOfThread
         if until is not None:

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 def result_views(pipeline: Pipeline, result: Result, details: bool) -> Iterator[RenderableType]:
     """Yield views of a run: the values of each track with their verdicts, then sections, findings and open facts.
 
-    With `details` every column, section and flag.
+    With `details` every column, section and flag. On a screen there is a title, and a single track has a line for each
+    value; in a file everything is a table.
     """
     from rich.text import Text
 
