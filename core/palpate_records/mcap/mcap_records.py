@@ -138,7 +138,10 @@ def remains(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _decompress_begin(name: bytes, packed: bytes) -> bytes:
-    """Return the first bytes that can be decompressed, in small pieces up to the damage."""
+    """Return the first bytes that can be decompressed, in small pieces up to the damage.
+
+    `name` is that of the compression; without one, or with an unknown one, the bytes are taken as they are.
+    """
     import lz4.frame
     import zstandard
 

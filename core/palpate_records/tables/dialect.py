@@ -134,7 +134,8 @@ def _comment_mark(lines: Sequence[str], dialect: Dialect) -> str:
 def grouped_or_decimal(columns: Iterable[Sequence[str]], dialect: Dialect) -> str | None:
     """Return the meaning of the mark in numbers such as ``1,234``: "decimal", "thousands", None if neither is certain.
 
-    It is that of thousands in a column whose other numbers are whole and below a thousand.
+    It is that of thousands in a column whose other numbers are whole and below a thousand. `dialect` is how the text is
+    written, with the mark in question as that of decimals.
     """
     mark = dialect.decimal
     cells_with_mark = [cell for cells in columns for cell in cells if mark in cell]

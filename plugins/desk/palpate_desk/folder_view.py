@@ -55,7 +55,8 @@ def _shown_values(folder: FitFolder) -> list[str]:
 def _row_message(row: CurveRow, units: dict[str, str], force_factor: float) -> dict[str, Any]:
     """Return a row for the page; `units` are SI, by value, `force_factor` is how many units of residuals one newton is.
 
-    Of each value: number and uncertainty (None: not known) in display units, and the text.
+    A row is a curve's of the table of fits, with its mark and its cells of ``curves.csv``. Of each value: number and
+    uncertainty (None: not known) in display units, and the text.
     """
     values: dict[str, Any] = {}
     table_values = result_row(row.cells, units, {}).values

@@ -64,7 +64,10 @@ class PageFeed:
             self._stamp = int(samples.stamp[self._row_samples[-1]])
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Add a track's estimates of the block; keep those of an offline estimator, which are of the whole record."""
+        """Add a track's estimates of the block; keep those of an offline estimator, which are of the whole record.
+
+        A block is samples that came together; those of them that became rows get the columns of the track.
+        """
         samples = self._samples  # the latest block; estimates of it are at the same times
         is_block = samples is not None and len(estimates) == len(samples) and estimates.time[0] == samples.time[0]
         rows_are_sent = len(self._row_samples) and not self._blocks

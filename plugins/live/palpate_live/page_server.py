@@ -48,7 +48,10 @@ class Viewers(Protocol):
 
 
 def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Event) -> None:
-    """Call `take` with each datagram from the run; set `over` at an empty one, which is its end."""
+    """Call `take` with each datagram from the run; set `over` at an empty one, which is its end.
+
+    `run` is a socket of datagrams, which the event loop watches.
+    """
     run.setblocking(False)
 
     def read() -> None:
