@@ -1,7 +1,7 @@
 """The delay between force and motion, determined in free air: the load on the sensor follows its acceleration at once.
 
 Without contact F = c - m a(t - tau): regressed on c, a and its derivative j, F = c - m a + m tau j. The standard
-deviation is that of the residual's own autocorrelation.
+deviation is by the scores of stretches of the record, since neighbours are correlated.
 """
 
 from __future__ import annotations

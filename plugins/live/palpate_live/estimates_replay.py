@@ -49,16 +49,8 @@ def read_tables(source: Path) -> RecordedRun | None:
         for track in table.tracks:
             tracks[track] = _parameters(table.track(track), result["tracks"].get(track, {}))
     surface, extent = skin_and_extent(source)
-    run = Run(
-        source,
-        streams={},
-        tracks=tracks,
-        facts={},
-        documents={},
-        name=result["run"]["name"],
-        extent=extent,
-        surface=surface,
-    )
+    name = result["run"]["name"]
+    run = Run(source, streams={}, tracks=tracks, facts={}, documents={}, name=name, extent=extent, surface=surface)
     return RecordedRun(run, online, next(iter(offline), None), result)
 
 

@@ -82,16 +82,8 @@ def _replay_log(server: PageServer, pipeline: Pipeline, source: Path) -> bool:
     """
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     surface, extent = skin_and_extent(source)
-    run = Run(
-        source,
-        streams=pipeline.ports.streams,
-        tracks=tracks,
-        facts={},
-        documents={},
-        name=pipeline.run.name,
-        extent=extent,
-        surface=surface,
-    )
+    streams, name = pipeline.ports.streams, pipeline.run.name
+    run = Run(source, streams, tracks, facts={}, documents={}, name=name, extent=extent, surface=surface)
     feed = _recorded_feed(run, server)
     with tempfile.TemporaryDirectory(prefix="palpate-watch-") as folder:
         result = run_pipeline(pipeline, Path(folder) / "run", observer=feed)
