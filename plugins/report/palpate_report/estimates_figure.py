@@ -12,7 +12,7 @@ from palpate_engine import display_unit
 from palpate_kit.figures import common_limits, figure_of, legend_outside
 
 from palpate_report.figure_data import Curves, swept, thin_rows
-from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, Subject, beside
+from palpate_report.figure_subject import BAND_OPACITY, MAX_POINTS, MAX_TRACKS, ReportFigure, Subject, beside
 
 # Choices of how it looks.
 _MAX_PANELS = 8  # of a figure: they fit a page
@@ -80,7 +80,9 @@ class _Panel:
         value = self.factor * curves.values[self.parameter][rows]
         std = self.factor * curves.std[self.parameter][rows]
         (line,) = self.axis.plot(time, value, label=curves.name)
-        self.axis.fill_between(time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
+        self.axis.fill_between(
+            time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=BAND_OPACITY, linewidth=0
+        )
         self.settled.append(self.factor * curves.values[self.parameter][curves.settled])
         if estimate and estimate["value"] is not None and estimate.get("combined"):
             # Bars of several tracks stand one behind the other.

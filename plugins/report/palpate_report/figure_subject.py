@@ -13,6 +13,8 @@ from palpate_report.figure_data import Curves, curves_of
 from palpate_report.run_contents import RunContents
 
 MAX_POINTS = 800  # of a curve: a choice; more do not show in print
+# Choices, by which bands that overlap still show: of two standard deviations, and of quartiles.
+BAND_OPACITY, QUARTILE_OPACITY = 0.15, 0.18
 MAX_TRACKS = 7  # of one panel: as many as the style has colours
 _MAX_NARROW_WIDTH = 100.0  # [mm] of a picture whose panels stand one above the other: a choice
 _PANEL_HEIGHT = 52.0  # [mm] of one of two panels: a choice

@@ -13,7 +13,7 @@ from palpate_kit.figures import legend_outside, quartiles
 from palpate_kit.runs.result_file import open_table
 
 from palpate_report.figure_data import Curves
-from palpate_report.figure_subject import MAX_TRACKS, ReportFigure, Subject, pair
+from palpate_report.figure_subject import MAX_TRACKS, QUARTILE_OPACITY, ReportFigure, Subject, pair
 
 _QUARTILE = 0.6745  # standard deviations, within which half of a normal distribution lies
 # Choices.
@@ -70,7 +70,7 @@ def _draw_over_time(panel: Any, tracks: Sequence[Curves]) -> dict[str, Floats]:
             curves.time[curves.settled], curves.innovation[curves.settled], bins=_BINS
         )
         (line,) = panel.plot(time, median, label=curves.name)
-        panel.fill_between(time, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+        panel.fill_between(time, low, high, color=line.get_color(), alpha=QUARTILE_OPACITY, linewidth=0)
         prefix = f"{curves.name}:"
         data |= {f"{prefix}time_s": time, f"{prefix}innovation": median, f"{prefix}low": low, f"{prefix}high": high}
     # Quartiles of white noise of the expected size.

@@ -12,7 +12,7 @@ from palpate_kit.runs.surface_map_figure import surface_map_figure
 from palpate_kit.runs.surface_map_file import SurfaceMap
 
 from palpate_report.figure_data import Curves, along, moving_samples, swept, thin_rows
-from palpate_report.figure_subject import MAX_POINTS, MAX_TRACKS, ReportFigure, Subject
+from palpate_report.figure_subject import BAND_OPACITY, MAX_POINTS, MAX_TRACKS, ReportFigure, Subject
 from palpate_report.run_map import grid_of, surface_map_of
 
 _LINE_HEIGHT, _AREA_HEIGHT = 60.0, 75.0  # [mm] of the figures: choices
@@ -61,7 +61,9 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Report
             factor * curves.std[parameter][rows],
         )
         (line,) = axis.plot(position, value, label=name)
-        axis.fill_between(position, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
+        axis.fill_between(
+            position, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=BAND_OPACITY, linewidth=0
+        )
         settled.append(value)
         data |= {
             f"{name}:along_m": position / 1e3,

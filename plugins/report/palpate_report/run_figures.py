@@ -12,7 +12,7 @@ from palpate_kit.figures import figure_of, label_forces, legend_outside, quartil
 from palpate_report.estimates_figure import estimates
 from palpate_report.exclusion import exclusion
 from palpate_report.figure_data import Curves, swept, thin_rows
-from palpate_report.figure_subject import MAX_POINTS, ReportFigure, Subject, pair
+from palpate_report.figure_subject import MAX_POINTS, QUARTILE_OPACITY, ReportFigure, Subject, pair
 from palpate_report.innovations_figure import innovations
 from palpate_report.map_figure import draw_map
 
@@ -130,7 +130,7 @@ def _draw_quartiles(
     rows = curves.settled
     x, (low, median, high) = quartiles(abscissa[rows], curves.residual[rows], bins)
     (line,) = axis.plot(scale * x, median, label=curves.name)
-    axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+    axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=QUARTILE_OPACITY, linewidth=0)
     prefix, suffix = f"{curves.name}:", f"_{column[0]}_N"
     return {
         f"{prefix}{column}": x,

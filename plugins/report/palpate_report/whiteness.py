@@ -25,7 +25,7 @@ def innovations(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         if not kept.used.any():
             continue
         begin, end = kept.time[kept.used][[0, -1]].tolist()
-        later = kept.used & (kept.time >= 0.5 * (begin + end))
+        later = kept.used & (kept.time >= 0.5 * (begin + end))  # from the middle of the record on
         shares, count = autocorrelation(kept.index, np.where(later, kept.innovation, np.nan))
         if count >= _MIN_INNOVATIONS:
             step = float(np.median(np.diff(kept.time)))
