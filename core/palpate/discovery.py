@@ -94,7 +94,7 @@ class Discovery:
         return claims.offers
 
     def _offers(self, hook: str, check: Callable[[Any], _Checked]) -> Iterator[tuple[Plugin, _Checked]]:
-        """Yield the checked answer of each plugin, and of the core, to a hook.
+        """Yield the answer of each plugin, and of the core, to a hook, as `check` returns it.
 
         A hook that raises or answers anything else is noted in `failures`, and the others are asked; raises PluginError
         where it is that of a file, which the user can correct.
@@ -263,6 +263,7 @@ def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
     hook_names = {name for name in vars(hooks) if name.startswith(_PREFIX)}
     marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
     named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
+    # Names of former hooks, of one kind of offer each, with what palpate_offers returns in their place.
     former = {f"{_PREFIX}{field}": f"{{{kind!r}: ...}}" for kind, (field, _) in hooks.OFFERS.items()}
     for name in sorted(marked - hook_names):
         hint = f": return it as {former[name]} from palpate_offers" if name in former else suggest(name, hook_names)
@@ -285,7 +286,10 @@ def _checked_kinds(offer: Any) -> dict[str, dict[str, Any]]:
 
 
 def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
-    """Yield the items of an offer; raises PluginError where it is not a mapping, or one of them is not of the kind."""
+    """Yield the items of an offer by name; raises PluginError where it is not a mapping, or one is not of the kind.
+
+    Items of the kind are objects or subclasses of its `root` class, or "module:class" of a part.
+    """
     if not isinstance(offer, Mapping):
         raise PluginError(f"returns {offer!r}, not a mapping of names")
     for name, item in offer.items():

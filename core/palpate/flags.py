@@ -152,7 +152,7 @@ def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> 
 
 
 def _flag_of_cause(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:
-    """Return the flag of one cause, with its evidence."""
+    """Return the flag of one cause, with its evidence; `signs` are the flags that show the cause, at least one."""
     # Signs that raise the flag itself, and those of another code, which are evidence of it.
     meaning = meanings.get(code, UNREGISTERED)
     raised = [sign for sign in signs if sign.code == code]

@@ -34,7 +34,10 @@ class Enclosure:
 
 
 def check_input(path: Path, enclosure: Enclosure | None = None) -> None:
-    """Raise ValueError where a file must not be read; a missing one is left to its reader."""
+    """Raise ValueError where a file must not be read; a missing one is left to its reader.
+
+    With an `enclosure`, that of a pipeline which a log carries, only the files that it admits are read.
+    """
     try:
         status = path.stat()
     except ValueError as error:

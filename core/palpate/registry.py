@@ -135,6 +135,7 @@ class Registry:
                 raise PluginError(sentence)
             if below := self.subcommands(name):
                 raise PluginError(f"{name!r} is the first word of commands (there are: {', '.join(sorted(below))})")
+            # First words, and whole names by their last words: a person may mean either.
             first = {whole.partition(" ")[0] for whole in self.commands}
             by_part = {whole.rpartition(" ")[2]: whole for whole in self.commands} | {part: part for part in first}
             close = [by_part[part] for part in get_close_matches(name, by_part, n=1)]

@@ -63,7 +63,7 @@ class RepeatCount:
             return
         rows = rows[:, self._columns]
         previous = np.full((1, rows.shape[1]), np.inf) if self._previous is None else self._previous
-        # A missing reading (NaN) repeats a missing one.
+        # A missing reading (NaN) repeats a missing one. The first of all follows infinity: it is a change.
         joined = np.concatenate([previous, rows])
         changed = (joined[1:] != joined[:-1]) & ~(np.isnan(joined[1:]) & np.isnan(joined[:-1]))
         self._previous = joined[-1:]

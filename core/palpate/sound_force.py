@@ -35,7 +35,10 @@ class SoundForce:
 
     @classmethod
     def of(cls, name: str, force: Floats, position: Floats, window: float, inertia: float) -> SoundForce:
-        """Return that of finite readings (n,) [N] and positions (m,) [m] at standstill; `window` [m] besides 1 mm."""
+        """Return the sound force `name` by its finite readings (n,) [N] and positions (m,) [m] at standstill.
+
+        Its rise is judged over a `window` [m] and over 1 mm; `inertia` [N] is that of the tip's mass, at most.
+        """
         std, position_std = float(force.std()), float(position.std())
         # Windows that the noise of the pose does not hide.
         windows = {min(window, LONGEST), LONGEST}

@@ -60,7 +60,7 @@ class Health:
             self.has_arrivals = self.has_arrivals or bool((received != stamps).any())
         if self.stream.clock != "log" or not len(stamps):
             return
-        # The least lateness of each second of the record.
+        # The least lateness of each second of the record; arrivals in a log are of one clock for all its streams.
         origin = int(stamps[0]) if self.first is None else self.first
         lateness = received - stamps
         if (stamps[1:] < stamps[:-1]).any():
@@ -85,7 +85,10 @@ class Health:
         return float(np.mean(minima[:count]) - np.mean(minima[-count:])) / _SECOND
 
     def in_order(self, stamps: NDArray[np.int64], gap: int) -> NDArray[np.bool_]:
-        """Return True (n,) for readings whose time-stamp is after all those before; count the others, and gaps [ns]."""
+        """Return True (n,) for readings whose time-stamp is after all those before.
+
+        The others are counted, and so are intervals longer than a `gap` [ns].
+        """
         if not len(stamps):
             return np.zeros(0, bool)
         # Each reading against the latest time-stamp before it.

@@ -180,7 +180,10 @@ def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[Plu
 
 
 def _approve(path: Path, place: Path, named: bool) -> PluginFile:
-    """Return a file with content that may be executed; raises ConsentError for any other."""
+    """Return a plugin file whose content may be executed; raises ConsentError for any other.
+
+    `place` is the file that names it: a pipeline that a person has `named`, else a recording.
+    """
     if PluginSwitch.of_environment().is_off and path.absolute() not in _paths_at_hand():
         raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
     file, consent = PluginFile.read(path), _consent.get()
@@ -197,7 +200,10 @@ def _approve(path: Path, place: Path, named: bool) -> PluginFile:
 
 
 def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consent) -> None:
-    """Raise ConsentError where nobody approves of a file whose content is not recorded."""
+    """Raise ConsentError where nobody approves of a file whose content is not recorded.
+
+    A message has the first 12 of the 64 digits of its SHA-256, a choice: enough for a person to compare.
+    """
     reason = _strangeness(file.path, place.parent) if named else f"is named by the recording {place}"
     if file.digest in consent.refused:
         raise ConsentError(f"plugin file {file.path} is not executed: it was refused")

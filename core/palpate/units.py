@@ -138,6 +138,7 @@ def _parse(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
     if not match:
         raise ValueError(f"{text!r} is not {_with_article(dimension(unit))}; {form}")
+    # The pattern has two groups: the number, and what follows it.
     number, written = float(match[1]), (match[2] or "").strip()
     if not written and unit == "1":
         return number

@@ -47,7 +47,11 @@ class ArmApproach:
         return self._states.position
 
     def path(self, trajectory: Trajectory, limits: ArmLimits | None) -> tuple[Floats, Setpoint]:
-        """Return times (n,) [s] and setpoints of the way."""
+        """Return times (n,) [s] and setpoints of the way from the tip to the first station of a motion.
+
+        The `limits` bound its speeds, where there are any. Raises DeviceError for a way that the arm must not go, and
+        for a motion that it cannot follow.
+        """
         # The tip is near the start, and the arm in a posture that it may leave.
         settings, position, rotation = self._settings, self.place, self._states.rotation
         station = FirstStation.of(trajectory, settings.work)
@@ -88,7 +92,7 @@ class ArmApproach:
             )
 
     def _refuse_fast_retraction(self, station: FirstStation, limits: ArmLimits) -> None:
-        """Raise where a joint is too slow for a retraction that is faster than the motion."""
+        """Raise DeviceError where a joint is too slow for a retraction that is faster than the motion."""
         settings, speed = self._settings, limits.retract_speed
         if speed <= limits.speed:
             return
@@ -158,7 +162,11 @@ class FirstStation:
 def start_path(
     station: FirstStation, position: Floats, rotation: Floats, law: ServoLaw, work: WorkFrame
 ) -> tuple[Floats, Setpoint]:
-    """Return times (n,) [s] and setpoints of the way from a position (3,) [m] of a tool (3, 3) in the base."""
+    """Return times (n,) [s] and setpoints of the straight way from a position (3,) [m] to the first station.
+
+    The tool has a `rotation` (3, 3) in the base at its begin, and that of the station at its end, where it states one;
+    the `law` bounds speeds and acceleration.
+    """
     # A straight way that lasts long enough for the turn as well.
     remaining_turn = station.turn_from(work, rotation)
     angle = float(np.linalg.norm(remaining_turn))

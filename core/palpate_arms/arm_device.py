@@ -35,7 +35,10 @@ class ArmDevice(ArmSettings):
 
     @contextmanager
     def _connected(self, observe: bool) -> Iterator[Link]:
-        """Yield the arm, in a process that ends with the connection; raises DeviceError."""
+        """Yield the link to the arm, whose driver runs in a process that ends with the connection.
+
+        With `observe` the arm is not taken over: nothing is to move. Raises DeviceError.
+        """
         from palpate import DeviceError
         from palpate_kit.acquisition.child import Child
 
@@ -47,6 +50,7 @@ class ArmDevice(ArmSettings):
             identity = self.identity(observe)
         except DeviceError as error:
             raise DeviceError(f"{self.maker} at {error}") from error
+        # `identity` has maker, model and number of the arm.
         task = self._task(identity, observe)
         child = Child(self.title, "robot", MODULE, task, self.rows.row.size, self.sudden_end)
         try:

@@ -36,7 +36,10 @@ class ArmExit:
         self._record, self._timeout = record, timeout
 
     def finish(self, commander: Commander | None, facts: dict[str, Any], take_state: Callable[[], object]) -> NoReturn:
-        """End a motion that is over, one way or the other, with `facts` of it; go when the main job says so."""
+        """End the process after a motion that is over, finished or broken off; never returns.
+
+        The main job gets the `facts` of the motion, and says when to go; until then `take_state` records the states.
+        """
         # The arm has to stand before the motion is reported as done.
         standstill = self._come_to_rest(commander, _DISOBEDIENCE, True)
         if standstill.complaint or not standstill.is_shown:
@@ -62,7 +65,9 @@ class ArmExit:
         host().leave(0)
 
     def fail(self, commander: Commander | None, fault: ArmFaultError) -> NoReturn:
-        """Say why, stop the arm, see it stand, and go: a library's destructors and reconnecting threads hang and crash.
+        """Report a fault to the main job, stop the arm, see it stand, and end the process at once.
+
+        At once, for a client library's destructors and reconnecting threads hang and crash.
 
         A lost link to a controller with a watchdog is left at once: what is on it must not be carried out later. Other
         faults of an arm with a watchdog stop it by the lack of commands, where its states can be trusted.

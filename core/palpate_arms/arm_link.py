@@ -71,7 +71,7 @@ class ArmLink:
         self._stop_force: float | None = None
         self._trip: Callable[[str], None] | None = None
         self._stopped: dict[str, Any] = {}  # reason and time of a stop by itself
-        usual = 1.0 / PERIOD
+        usual = 1.0 / PERIOD  # [Hz] of states: one in each period of the servo loop
         self._low_rate = low_rate(identity.get("state_rate", usual), usual)
         if self._low_rate is not None:
             typer.echo(f"{child.name}: {self._low_rate}", err=True)
@@ -206,7 +206,7 @@ class ArmLink:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
 
     def _take(self, message: Mapping[str, Any]) -> None:
-        """Take over a message; raises UnstoppedArmError of an arm that was stopped and does not stand."""
+        """Take over a message of the arm's process; raises UnstoppedArmError where a stopped arm does not stand."""
         match message["say"]:
             case "done":
                 self._lag, self._driver_time = message["lag"], message["driver_time"]
@@ -275,6 +275,7 @@ class ArmLink:
     def health(self) -> Mapping[str, Any]:
         """The facts of the robot and of the loop."""
         states, stiffness = self._states, self._settings.controller_stiffness
+        # The angle [rad] between the tool and its orientation by the work frame.
         turn, _ = agreement(self._settings.work, states.rotation)
         commands = lateness_table(self._child.ring.head)
         return {

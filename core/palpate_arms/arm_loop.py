@@ -48,7 +48,7 @@ class ArmLoop:
     def __init__(self, parent: Parent, ring: Ring, robot: CommandedArm, settings: dict[str, Any]) -> None:
         """Take a connected arm, and the task of its process as plain data; nothing moves before limits are set."""
         self._parent, self._ring, self._robot = parent, ring, robot
-        self._own = settings["own"]
+        self._own = settings["own"]  # facts and limits of the arm itself: joint speed, lag, deadband, box of its links
         self._host_timeout = settings["host_timeout"]
         self._law = ServoLaw(**settings["law"])
         work = WorkFrame.model_construct(**settings["work"])
@@ -122,7 +122,10 @@ class ArmLoop:
             self._fail(ArmFaultError("the robot refuses commands: its program has ended (out of reach, or stopped)"))
 
     def _advance(self, commander: Commander, state: ArmState) -> None:
-        """Make the next command and check it, and the arm in motion; one that breaks a limit is taken back."""
+        """Make the next command and check it, and the arm in motion; one that breaks a limit is taken back.
+
+        A verdict is the limit that is broken, None where all are kept.
+        """
         previous, leaving = (commander.command, commander.turn), commander.mode == "retract"
         room = tick_room(self._fence.limits, self._robot.state_period, self._robot.driver.ahead)
         commander.next(state.position, state.velocity, room)

@@ -166,6 +166,7 @@ class ArmSettings(Device):
         setpoint = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"v{axis}", "m/s") for axis in "xyz"]
         wrench = [Channel(axis, "N") for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
         status = [Channel("time", "s"), *(Channel(name, "1") for name in self.status_channels)]
+        # Name, channels, rate [Hz], layout, clock, frame, and True for what is not measured.
         return (
             Stream("tip", tuple(pose), rate, "pose", "host", "work"),
             Stream("twist", tuple(twist), rate, "twist", "host", "work"),

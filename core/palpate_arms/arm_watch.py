@@ -39,7 +39,7 @@ class ArmWatch:
         # Stamps that go back, and those from the future.
         self._step_back = max(self._stamp - arm.stamp, self._step_back)
         self._stamp = arm.stamp
-        ahead = arm.stamp - arm.seen / _SECOND
+        ahead = arm.stamp - arm.seen / _SECOND  # [s] between two clocks, whose offset is unknown but steady
         if ahead > self._ahead + _MAX_AHEAD:
             raise self._garbled(
                 f"the controller's time-stamp is {ahead - self._ahead:.3g} s ahead of its arrival, beyond all before it"

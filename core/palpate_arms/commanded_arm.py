@@ -35,12 +35,14 @@ class CommandedArm:
     """
 
     def __init__(self, driver: ArmDriver, rows: ArmRows, work: WorkFrame, observe: bool) -> None:
+        # `rows` is the layout of the arm's states; an arm that is only observed is not commanded.
         self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
         self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]  # from the work frame to the base
         # Turn of the latest command, and the tool's rotation vector in the base then.
         self._orientation: tuple[Floats, list[float]] | None = None
         self.driver_time = DriverTime()
         self.state_period = PERIOD  # [s] from one state to the next
+        # The newest state: its time by the controller [s] and by the host [ns], and True if it came in this period.
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
         self.leap: float | None = None  # [m] between the last two states, where no arm moves so far
@@ -94,7 +96,7 @@ class CommandedArm:
         self.state_period = max(period, PERIOD)
 
     def poll(self) -> bool:
-        """Take over a new state; False if there was no new one. Raises ArmFaultError."""
+        """Take over a new state; return False if there was none. Raises ArmFaultError for one that is malformed."""
         began = clock().now_ns()
         reading = self.driver.read()
         self.driver_time.add_read(began)

@@ -50,7 +50,7 @@ class Fence:
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None
         self.plane = LEVEL  # of the station, as commanded
-        self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
+        self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)  # two windows: acceleration is between them
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         self._lag = arm_facts.get("lag", 0.0)
         self._deadband = arm_facts.get("deadband", 0.0)
@@ -133,7 +133,7 @@ class Fence:
     def command(
         self, command: Floats, turn: Floats, previous: tuple[Floats, Floats], state: ArmState, leaving: bool = False
     ) -> Verdict | None:
-        """Judge a command before it is sent, after the `previous` one (position and turn).
+        """Return the limit that a command breaks before it is sent, after the `previous` one (position and turn).
 
         An arm that is `leaving` the material brakes first: that may carry it over the box.
         """
@@ -153,7 +153,10 @@ class Fence:
         self._commands.pop()
 
     def in_motion(self, command: Floats, state: ArmState) -> Verdict | None:
-        """Judge the robot's own state, on the approach or in the motion."""
+        """Return the limit that the robot's own state breaks, on the approach or in the motion; None if it keeps all.
+
+        A verdict with False is one after which the arm is not trusted to leave the material on its own.
+        """
         if (text := self._following.complaint(command, state.position, state.fresh, self.give)) is not None:
             return Verdict(text, False)
         if self.limits is None:
@@ -266,7 +269,10 @@ class Fence:
     def _from_arm(
         self, command: Floats, turn: Floats, previous: tuple[Floats, Floats], state: ArmState, leaving: bool
     ) -> Verdict | None:
-        """Return the limit that a command breaks by its distance from the arm, its orientation, or the joints' ways."""
+        """Return the limit that a command breaks by its distance from the arm, its orientation, or the joints' ways.
+
+        A verdict with False is one after which the arm is not trusted to leave the material on its own.
+        """
         # Position: ahead of the tip by no more than the lead.
         distance, lead = length(command - state.position), self.lead
         if leaving and self._outward_limit is not None:

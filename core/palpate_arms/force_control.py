@@ -21,7 +21,8 @@ _MS = _MM = 1e3  # per second, per metre
 def refusal(law: ForceLaw, stop: float | None, speed: float, acceleration: float, duration: float) -> str | None:
     """Return why a law is not allowed for an arm with these limits, in a motion of a duration [s]; None where it is.
 
-    Without a `stop` [N] the force is not read.
+    The limits are the force [N] that stops the motion, a speed [m/s] and an acceleration [m/s^2]. Without a `stop` the
+    force is not read.
     """
     if stop is None:
         return (
@@ -72,7 +73,7 @@ class ForceLead:
         self._felt += self._share * (force - self._felt)
 
     def next(self, time: float, floor: float) -> tuple[float, float]:
-        """Return height [m] and speed [m/s] at a time [s] of the motion, whose envelope is at a `floor` [m]."""
+        """Return height [m] and speed [m/s] at a time [s] of the motion, whose envelope has its `floor` [m] now."""
         law, step = self.law, self.law.acceleration * self.period
         if time < law.begin:
             return self.height, self.speed

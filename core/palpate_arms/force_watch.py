@@ -68,8 +68,9 @@ class ForceEye:
     ) -> str | None:
         """Return why the arm has to stop at a time [ns]; None where it need not.
 
-        `depth` [m] of the tip below the plane of its station, and as `commanded`; its place (3,) [m], which is as high
-        as travel in free air or not; None where the tip may touch something yet.
+        The tip has a `depth` [m] below the plane of its station, measured and as `commanded`, and a `place` (3,) [m].
+        `in_air` is True where it is as high as travel in free air, False where it is lower, and None where it has not
+        shown that it is free.
         """
         # The readings since the last look.
         self._began = self._began or now

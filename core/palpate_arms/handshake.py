@@ -49,7 +49,7 @@ class Handshake:
         self._path, self._stated = path, stated
         self._start, self._rotation = state.position, state.rotation
         self._lagged = path.rows[0]  # the command (3,), as the slowest arm that counts as sound follows it
-        self._blend = -math.expm1(-PERIOD / (stated.lag + DELAY))
+        self._blend = -math.expm1(-PERIOD / (stated.lag + DELAY))  # share of the way in a period T, 1 - e^(-T/tau)
         self._commands: list[Floats] = []  # (3,) in the work frame
         self._base_commands: list[Floats] = []  # (3,) in the base, where poses are reported
         self._sent_at: list[int] = []  # [ns] of each command
@@ -91,7 +91,10 @@ class Handshake:
         return self._judge(step) or (self._echo() if self.is_over else None)
 
     def _stray(self, state: ArmState) -> str | None:
-        """Return what takes a state off the way that was commanded so far, at once; None where it is on it."""
+        """Return the first way in which a state is off the path that was commanded so far; None where it is on it.
+
+        It is judged by the tool's turn, the distance of the tip from the path, and its speed.
+        """
         # The tool keeps its orientation.
         step = self._path.steps[self._next]
         displacement, commanded = state.position - self._start, self._commands[-1] - self._path.rows[0]

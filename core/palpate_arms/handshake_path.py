@@ -100,7 +100,10 @@ def sideways_path(
 def _stepped_path(
     place: Floats, stay: int, legs: Sequence[tuple[Floats, str]], law: ServoLaw, stated: StatedArm
 ) -> HandshakePath:
-    """Return the path that stays for some rows, then goes to each leg's end (3,) [m] from the place, and waits."""
+    """Return the path that stays for some rows, then goes to the end of each leg, and waits there.
+
+    A leg is its end (3,) [m] from the place, and the direction in words.
+    """
     # First it stays; then each leg, and the time to answer it. `begin` is the end of the leg before, from the place.
     wait = round(stated.wait / PERIOD)
     rows = [np.tile(place, (stay, 1))]

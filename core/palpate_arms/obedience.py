@@ -35,7 +35,10 @@ class Obedience:
         self.answers: list[dict[str, Any]] = []  # of a handshake that is over
 
     def retreat(self, commander: Commander, way: float, speed: float) -> str | None:
-        """Begin the first retreat, of `way` [m]; return why it must not begin, with nothing sent; None where it may."""
+        """Begin the first retreat, of `way` [m] at a `speed` [m/s]; return None.
+
+        Where it must not begin, nothing is sent, and the reason is returned.
+        """
         # Nothing is sent where the controller's own target is elsewhere, or the way is too short.
         robot, stated, plane = self._robot, self._stated_now(), commander.plane
         target = robot.driver.target()

@@ -33,7 +33,7 @@ class PostureFence:
         self._joint_speed, self._links = arm_facts["joint_speed"], (arm_facts["links_low"], arm_facts["links_high"])
 
     def verdict(self, twist: Floats, error: Floats, joints: list[float], leaving: bool) -> Verdict | None:
-        """Return the limit that a command breaks; None where it keeps them all.
+        """Return the limit of the arm's posture that a command breaks; None where it keeps them all.
 
         The command is given by the tip's twist (6,) and the error (6,) from where joints (n,) [rad] have it, both in
         the base. An arm that is `leaving` the material may do so near a singular posture and past an end.

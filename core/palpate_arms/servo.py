@@ -42,9 +42,10 @@ class Commander:
         self._previous = self.command, self._speed, self.turn
         self.plane = LEVEL  # of the station
         self._plan = Plan.of(np.zeros((0, SETPOINT.size)))
-        self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
+        # The row of the plan, the rows that are made up for in a period at most, and those that are late.
+        self._row, self._haste, self._behind = 0.0, 0.0, 0.0
         self._way: list[tuple[Floats, float]] = []  # place, and the part of the turn that remains
-        self._turn_from, self._turn_by = self.turn, np.zeros(3)
+        self._turn_from, self._turn_by = self.turn, np.zeros(3)  # rotation vectors at the begin of a way, and along it
         self.lead: ForceLead | None = None  # of a force; the plan is then an envelope
         self.home: Floats | None = None  # (3,) [m] where the motion began
         self._clearance: float | None = None  # [m] of home over the plane of the first station
@@ -185,7 +186,7 @@ class Commander:
     def _follow(self, position: Floats, velocity: Floats, room: float) -> None:
         """Make the command of the row that is due, by the law: "pd" from the measured state, else the setpoint itself.
 
-        A step is at most the law's speed, and `room` [m].
+        A step is at most the law's speed, and `room` [m]. Late rows are made up for by a plan that goes faster.
         """
         law = self.law
         row, former = self._in_plan(), self.command
@@ -216,7 +217,7 @@ class Commander:
         self.turn, self.plane = row[PLAN["turn"]].copy(), StationPlane.of_row(row)
 
     def _wait_for_room(self, step: float, room: float) -> None:
-        """Go back in the plan by what a step [m] is too long."""
+        """Go back in the plan by what a step [m] is longer than the `room` [m]; that share of a row is late then."""
         if step > room:
             back = min(1.0 - room / step, self._row)
             self._row -= back
@@ -225,6 +226,7 @@ class Commander:
     def _retract(self) -> None:
         """Make the next command of the way back along the normal, to the height at which the motion began."""
         assert self.home is not None
+        # Heights over the plane of the station, [m]; `step` is the largest change of speed in a period.
         end = self._clearance if self._clearance is not None else self.plane.height(self.home)
         step, way = self.law.acceleration * PERIOD, end - self.plane.height(self.command)
         # The speed from which it still can brake within the way.

@@ -71,7 +71,10 @@ class Pace:
         self._random = random.Random(0)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """Call a cycle at each deadline, with the time [ns] and the number left out; look at a state between two."""
+        """Call a cycle at each deadline, with the time [ns] and the number of periods left out; never returns.
+
+        Between two deadlines `look` takes the newest state.
+        """
         deadline, left_out = clock().now_ns() + _TICK, 0
         while True:
             now = self._sleep(max(deadline - clock().now_ns(), 0))
@@ -80,7 +83,8 @@ class Pace:
             cycle(now, left_out)
             sent = clock().now_ns()
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
-            # would always be seen equally late, and its clock mapped wrongly by up to a period.
+            # would always be seen equally late, and its clock mapped wrongly by up to a period. None where less than a
+            # quarter of a period remains (a choice): the look might make the next command late.
             remaining = deadline + _TICK - clock().now_ns()
             if remaining > _TICK // 4:
                 self._sleep(round(remaining * self._random.uniform(0.0, _LOOK_SHARE)))

@@ -90,7 +90,7 @@ class Plan:
             if first == 0:
                 self.ends[0] = rows[0]
             self.lateral = max(self.lateral, float(np.abs(rows[:, _ACROSS] - self.ends[0, _ACROSS]).max(initial=0.0)))
-            self.lowest = min(self.lowest, float(rows[:, _PLACE.stop - 1].min()))
+            self.lowest = min(self.lowest, float(rows[:, _PLACE.stop - 1].min()))  # of z, the last of three columns
             yield rows
 
 

@@ -78,9 +78,10 @@ class TrackingError:
         return self._lags(command, position, give)
 
     def _lags(self, command: Floats, position: Floats, give: float) -> str | None:
-        """Return why an arm is held: of its way within a time of commands it has gone hardly any; None of others.
+        """Return why an arm counts as held: it has gone hardly any of the way that the last commands led it.
 
-        However many states arrived meanwhile.
+        None of an arm that follows. The window is one of commands, however many states arrived meanwhile; `give` [m] of
+        the way is not expected of an arm that gives way.
         """
         # Commands and places over the window, the oldest just beyond it.
         past = self._past

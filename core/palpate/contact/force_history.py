@@ -79,7 +79,11 @@ def memory_over_time(
 
 
 def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, block: int) -> None:
-    """Fill in the states (m + 1, k) after intervals (m, 5) with parameters (m, p), in blocks; the first is there."""
+    """Fill in the states (m + 1, k) after intervals (m, 5) with parameters (m, p); the first row is given.
+
+    A row of the intervals has length [s], depth [m] and rate [m/s] at its beginning, then both at its end. `function`
+    is that of `block` intervals, by which m can be divided.
+    """
     # The function reads and writes these arrays: a call through its buffer costs a twentieth of an ordinary one.
     state, values = np.empty(states.shape[1]), np.empty((block, theta.shape[1]))
     block_intervals, block_states = np.empty((block, _INTERVAL_COLUMNS)), np.empty((block, states.shape[1]))
@@ -96,7 +100,7 @@ def _integrate(function: Any, states: Floats, intervals: Floats, theta: Floats, 
 
 
 def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Floats) -> int:
-    """Return the steps that an interval needs.
+    """Return the number of steps of integration that an interval between two instants needs.
 
     Where each state fades by itself any step is long enough; else it is by the largest rate at which any forgets [1/s].
     Raises ValueError where that rate is not finite, or an interval needs more than 64 steps.

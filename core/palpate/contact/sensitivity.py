@@ -34,7 +34,8 @@ def force_slopes(
         functions = {n: _slopes_function.__wrapped__(model, len(theta), n) for n in _block_lengths(len(depth))}
     depth, rate = np.ascontiguousarray(depth, np.float64), np.ascontiguousarray(rate, np.float64)
     parameters = np.array(theta, np.float64)
-    # They write into these arrays, block by block; the Jacobians (1, k + 2) of a block stand side by side.
+    # They write into these arrays, block by block; the Jacobians (1, k + 2) of a block stand side by side: by the k
+    # parameters, then by depth and by rate.
     force, slopes = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
     for begin in range(0, len(depth), _BLOCK):
         rows = slice(begin, begin + _BLOCK)

@@ -10,7 +10,9 @@ _SERIES_TERMS = 10  # the next one is at most 0.25^10 2/12!, 4e-15 of 1
 
 
 def advance_states(slope: Callable[[float, Any], Any], step: Any, memory: Any) -> Any:
-    """Return states (k, 1) after a step [s], from their rate at a share of it and at states.
+    """Return states x (k, 1) after a step h [s], from the `memory` at its beginning and the rate f(u, x), the `slope`.
+
+    The rate is a function of the share u of the step, 0 to 1, and of the states there.
 
     By `fade_states` where each state fades by itself, with no limit to the step, else by the classical Runge-Kutta
     method of order 4::

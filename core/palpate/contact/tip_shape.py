@@ -16,7 +16,8 @@ def tip_profile(indenter: Indenter, depth: float, points: int = 200) -> tuple[Fl
     """Return radii (n,) [m] and heights z = f(r) (n,) [m] of a tip, out to its contact radius at a depth [m].
 
     The inverse of the MDR transformation, f(r) = (2/pi) integral of acos(a(d)/r) over d where a(d) < r, by the midpoint
-    rule in d^(1/4): heights are right to some 1e-4 of the depth. A tip with a flat face begins at the face's edge.
+    rule in d^(1/4): heights are right to some 1e-4 of the depth. A tip with a flat face begins at the face's edge. The
+    number of `points` is a choice, enough for a picture.
     Source: Popov and Hess 2015 (inverse transformation), integrated by parts.
     """
     # The contact radius at the middle of each panel of depth.

@@ -97,9 +97,11 @@ class UncertainValue:
     def diagnosed(
         self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None, left: float | None = None
     ) -> UncertainValue:
-        """Return the value with one more cause of systematic uncertainty [SI], or of an unknown one, or a known bias.
+        """Return the value with one more cause of systematic uncertainty in its budget.
 
-        `left` [SI] is the share for the corrected value, where it is another one.
+        `share` [SI] is the standard uncertainty by the cause; with `unknown` it is not known how large that is. A
+        `bias` is what the cause shifts the value by. `left` [SI] is the share of the value corrected by its bias, where
+        that is another one.
         """
         if share <= 0 and not unknown and bias is None and left is None:
             return self
