@@ -35,7 +35,11 @@ class CommandedArm:
     """
 
     def __init__(self, driver: ArmDriver, rows: ArmRows, work: WorkFrame, observe: bool) -> None:
-        # `rows` is the layout of the arm's states; an arm that is only observed is not commanded.
+        """Connect the driver, and take the arm over unless that is only to `observe` it; raises what a driver raises.
+
+        `rows` is the layout of the arm's states, `work` the frame of commands. Raises ArmFaultError for a driver of an
+        arm with another number of joints.
+        """
         self.driver, self.rows, self.observed, self._work = driver, rows, observe, work
         self._out, self._origin = work.matrix[:3, :3], work.matrix[:3, 3]  # from the work frame to the base
         # Turn of the latest command, and the tool's rotation vector in the base then.

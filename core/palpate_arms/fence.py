@@ -45,7 +45,8 @@ class Fence:
     def __init__(
         self, arm_facts: dict[str, Any], work: WorkFrame, tool: Floats, model: ArmModel, acceleration: float
     ) -> None:
-        self._work, self._tracking = work, arm_facts["tracking"]
+        """Take limits and facts of the arm itself, the frame of the commands, the tool (4, 4) and the arm's model."""
+        self._work, self._tracking = work, arm_facts["tracking"]  # the latter: [m] that it may be behind
         self._posture = PostureFence(arm_facts, tool, model)
         self._acceleration = acceleration  # [m/s^2] of what the arm does by itself
         self.limits: dict[str, Any] | None = None

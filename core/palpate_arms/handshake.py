@@ -46,6 +46,7 @@ class Handshake:
     """A path of first commands, and the arm's answers to it, state by state."""
 
     def __init__(self, path: HandshakePath, stated: StatedArm, state: ArmState) -> None:
+        """Take the path of the commands, what is stated of the arm (lag, deadband, give), and its first state."""
         self._path, self._stated = path, stated
         self._start, self._rotation = state.position, state.rotation
         self._lagged = path.rows[0]  # the command (3,), as the slowest arm that counts as sound follows it

@@ -35,6 +35,7 @@ class Commander:
     """
 
     def __init__(self, law: ServoLaw, position: Floats, turn: Floats | None = None) -> None:
+        """Hold the tip at a position (3,) [m] with a turn (3,) [rad]; the law bounds what the arm does by itself."""
         self.law = law
         self.command = position.copy()  # (3,) the latest
         self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest

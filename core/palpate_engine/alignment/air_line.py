@@ -72,7 +72,7 @@ def _air_line(air: Samples) -> AirLine:
     time_square = float(time @ time)
     slope = float(time @ air.force) / time_square
     residual: Floats = air.force - level - slope * time
-    variance = float(residual @ residual) / (len(air) - 2)
+    variance = float(residual @ residual) / (len(air) - 2)  # two unknowns: level and slope
     mean_variance = variance * samples_as_one(residual)
     level_std, slope_std = math.sqrt(mean_variance / len(air)), math.sqrt(mean_variance / time_square)
     return AirLine(

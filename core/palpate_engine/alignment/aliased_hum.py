@@ -33,7 +33,7 @@ def residual_of_hum(time: Floats, basis: Floats, residual: Floats, interval: flo
     if not bands or not duration > 0.0:
         return float("inf")
     low = min(band[0] for band in bands)
-    low = max(low, 0.25 / (_PER_WAVE * duration))  # a slower wave is a parabola
+    low = max(low, 0.25 / (_PER_WAVE * duration))  # a quarter of a step, a choice: a slower wave is a parabola
     high = min(max(band[1] for band in bands), _MAX_WAVES / duration)
 
     # The frequency of the least sum of squares.

@@ -158,20 +158,23 @@ class Aligner:
         """Return the evidence of the record so far."""
         contact, counts = self._contact, self._counts
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
+        tool = self._reader.report
         return AlignmentReport(
-            streams,
-            contact.tare,
-            contact.threshold.force,
-            contact.first_touch,
-            contact.touches,
-            contact.air_force,
-            counts["samples"],
-            counts["force"],
-            counts["velocity"],
-            self.reached,
-            self._check.delay,
-            contact.by_change_point,
-            contact.pull,
-            *self._reader.report,
-            self._check.share,
+            streams=streams,
+            tare=contact.tare,
+            touch_force=contact.threshold.force,
+            first_touch=contact.first_touch,
+            touches=contact.touches,
+            air_force=contact.air_force,
+            samples=counts["samples"],
+            missing_force=counts["force"],
+            missing_velocity=counts["velocity"],
+            duration=self.reached,
+            velocity_delay=self._check.delay,
+            by_change_point=contact.by_change_point,
+            pull=contact.pull,
+            sideways=tool.sideways,
+            turned=tool.turned,
+            tilt=tool.tilt,
+            velocity_share=self._check.share,
         )

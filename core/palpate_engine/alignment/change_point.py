@@ -54,7 +54,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     min_descent = shortest_descent(z, height_range)
     if not height_range > min_descent:
         return None
-    stride = -(-len(z) // _MAX_SAMPLES)
+    stride = -(-len(z) // _MAX_SAMPLES)  # rounded up: at most so many samples remain
     z, f = z[::stride], f[::stride]
 
     # The height whose law leaves the least sum of squares; where none leaves less than a constant, the highest.
@@ -67,7 +67,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     # Rounding may make the cost of a record without noise negative; the law has three unknowns.
     variance = max(cost, 0.0) / (len(z) - _UNKNOWNS)
     shape = np.maximum(surface - z, 0.0)
-    shape *= np.sqrt(shape)
+    shape *= np.sqrt(shape)  # (z_s - z)^1.5
     shape_square = float(((shape - shape.mean()) ** 2).sum())
     slope = float((shape * centred).sum()) / shape_square if shape_square > 0 else 0.0
     offset = float(f.mean()) - slope * float(shape.mean())

@@ -50,6 +50,7 @@ class DistanceExpansion:
         shift = places - self.place
         missing = ~finite_rows(shift)
         shift[missing] = 0.0
+        # The parts of a step s along the normal n and across it, and what n changes by: (H - (n.s) H^2) s.
         along = dot_columns(shift.T, self.normal)
         aside = shift - along[:, None] * self.normal
         turned = _rows(self.hessian, aside)
@@ -57,7 +58,7 @@ class DistanceExpansion:
         normal = self.normal + turned
         columns = np.empty((len(places), 8))
         columns[:, :3] = normal / np.sqrt(dot_columns(normal.T, normal.T))[:, None]
-        columns[:, 3] = self.height + along + 0.5 * dot_columns(aside.T, turned.T)
+        columns[:, 3] = self.height + along + 0.5 * dot_columns(aside.T, turned.T)  # d + n.s + s.H s/2
         columns[missing, 3] = np.nan
         columns[:, 4:] = (*self.curvature, self.known)
         return columns
@@ -71,6 +72,7 @@ def expand_distance(
     Where the surface ends the plane `before` goes on, unknown. Of the centre of a sphere the height is less by its
     `radius` [m].
     """
+    # The place itself, then one step forwards along each axis, then one step backwards.
     points = answer_of(surface, lambda: surface.nearest(place + _AROUND))
     known = finite_rows(points.normal) & np.isfinite(points.height)
     known[list(points.unknown)] = False

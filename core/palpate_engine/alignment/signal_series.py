@@ -108,6 +108,7 @@ class Series:
         """Return values (n,) by linear interpolation; NaN outside the readings, across a gap, or by a saturated one."""
         count = len(instants)
         if np.array_equal(self.stamps[:count], instants) and (instants[1:] > instants[:-1]).all():  # of one stream
+            # A -0.0 becomes 0.0, as by interpolation.
             return np.where(self._saturated[:count], np.nan, self.values[:count]) + 0.0
         values = np.full(count, np.nan)
         if not len(self.stamps):

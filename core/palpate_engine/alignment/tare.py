@@ -30,7 +30,7 @@ def stated_tare(settings: AlignmentSettings) -> Tare | None:
 def measured_tare(settings: AlignmentSettings, samples: Samples, before: float = np.inf) -> Tare:
     """Return the mean force of the first `tare_duration` before a time [s], less any contact at the end of it.
 
-    A tare of 0 without an uncertainty of fewer than ten readings. Raises LogError where the force is not at rest.
+    Of fewer than ten readings the tare is 0, without an uncertainty. Raises LogError where the force is not at rest.
     """
     end = min(before, settings.tare_duration)
     window = where(samples, (samples.time <= end) & (samples.time < before))

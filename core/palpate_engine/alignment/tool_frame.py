@@ -84,9 +84,11 @@ class ToolFrame:
     def load(self, readings: Vector, rows: Rotations, normal: Vector | None = None) -> Load:
         """Return the force on the tip from readings (n,) [N] of the three axes and the tool's orientation.
 
-        Along the `normal` at each place, where that is given.
+        `rows` are those of the tool's rotation matrices R. The force is that along the `normal` at each place, where
+        that is given.
         """
-        # On the tip acts what is read, p (f - b), less the weight m g M^T R^T e.
+        # On the tip acts what is read, p (f - b) with the sensor's sign p and zero b, less the weight m g M^T R^T e,
+        # where M turns the sensor's axes into the tool's, and e points down.
         down = self._in_sensor(rows, self._down)
         weight = _scaled(down, self._weight)
         reading = tuple(self._polarity * (f - b) for f, b in zip(readings, self._bias, strict=True))

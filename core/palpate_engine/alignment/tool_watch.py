@@ -117,7 +117,10 @@ class _Sums:
         return np.asarray(np.array(self._sum, float) / self.count / parts, np.float64)
 
     def disagreement(self) -> tuple[float, float | None, float]:
-        """Return the spread of the weight w [N], |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty."""
+        """Return the spread of the weight w [N], |cov(f - w, w)| / |cov(w, w)| of readings f, and its uncertainty.
+
+        The ratio is None where the weight does not change. Readings and weight have three axes each.
+        """
         axes = range(_FORCES)
         moments = np.array([[self._moment(i, j) for j in axes] for i in axes]) / _PER_NEWTON**2
         # Covariances (3, 3) of the readings f, of f with w, and of the weight w.

@@ -61,7 +61,10 @@ class VelocityCheck:
         self._held -= whole * _SPAN
 
     def _add(self, stretches: Floats) -> None:
-        """Take in stretches (n, 3); each gives the one before its acceleration, from the neighbours on both sides."""
+        """Take in stretches (n, 3): mean velocity [m/s], slope of the position [m/s] and duration [s] of each.
+
+        Each gives the one before its acceleration, from the neighbours on both sides.
+        """
         self._stretches += len(stretches)
         self._long += int(np.count_nonzero(stretches[:, 2] > _MAX_DURATION))
         stretches = np.concatenate([self._latest, stretches])

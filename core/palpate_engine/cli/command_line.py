@@ -137,7 +137,10 @@ def _do(invocation: Invocation, ends: bool) -> None:
 
 
 def _call(meant: CommandCall, ends: bool) -> None:
-    """Call a command's function with its own arguments, read by its annotations."""
+    """Call the function of the command that is meant with its own arguments, read by the function's annotations.
+
+    With `ends` the process ends with the command, as at a shell.
+    """
     import typer
 
     if meant.command is None:

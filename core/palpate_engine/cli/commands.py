@@ -91,7 +91,7 @@ def _without_plugin_files(arguments: Sequence[str]) -> tuple[list[str], list[Pat
                     f"{argument}: there is a file of this name here: write ./{argument} to name it"
                 )
             files.append(Path(text))
-            del pending[:follows]
+            del pending[:follows]  # the file, where it is a word of its own
         else:
             remaining.append(argument)
     return remaining, files
@@ -151,13 +151,13 @@ def help_text() -> str:
         _PURPOSE,
     ]
     for panel, title in PANELS.items():
-        rows = {
-            name.partition(" ")[0]: _line(name.partition(" ")[0], registry)
-            for name, command in registry.commands.items()
-            if not command.hidden
-            and (command.panel if command.panel in PANELS else _OTHER) == panel
-            and (" " not in name or name.partition(" ")[0] not in registry.commands)
-        }
+        rows = dict[str, str]()
+        for name, command in registry.commands.items():
+            first_word = name.partition(" ")[0]
+            # Subcommands are shown by their first word, unless that is a command itself.
+            is_shown = not command.hidden and (name == first_word or first_word not in registry.commands)
+            if is_shown and (command.panel if command.panel in PANELS else _OTHER) == panel:
+                rows[first_word] = _line(first_word, registry)
         lines += ["", f"{title}:", *_table(rows)] if rows else []
     lines += [
         "",

@@ -45,7 +45,11 @@ def apply_bases(source: Source) -> None:
 
 
 def _tables_of_bases(source: Source, chain: tuple[Path, ...]) -> tuple[dict[str, Any], dict[Location, str]]:
-    """Return the tables of all bases of a source, merged, and ``file:line`` of each of their keys."""
+    """Return the tables of all bases of a source, merged, and ``file:line`` of each of their keys.
+
+    `chain` has the files that lead to the source, by which a file that is its own base is seen. Raises
+    ConfigurationError.
+    """
     file_names, key_place = source.tables.get("run", {}).get("base", []), source.where(BASE)
     if not isinstance(file_names, list) or not all(isinstance(file_name, str) for file_name in file_names):
         raise ConfigurationError(f'{key_place}: [run] base: must be a list of files, such as ["lab.toml"]')

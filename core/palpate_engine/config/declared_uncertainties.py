@@ -17,7 +17,7 @@ READINGS = {"force_scale": "1", "position_scale": "1"}  # units of the factors o
 
 def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, Any]) -> dict[str, str]:
     """Return the problem of each wrong declared uncertainty, by name: a key that no model has, or an invalid value."""
-    # A number is named by its last key, or by its path where several tips have that key.
+    # A number is named by its last key, or by its path where several tips have that key; each name has a unit.
     numbers = [number for model in models.values() for number in numbers_of(model)]
     keys = {key: unit for path, _, unit in numbers for key in (path[-1], ".".join(path))}
     problems = {}

@@ -60,14 +60,17 @@ def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = T
 
 
 def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
-    """Return the pipeline in a source; raises like `load_pipeline`."""
+    """Return the pipeline in a source; without `estimates` no model and no estimator is demanded.
+
+    Raises like `load_pipeline`.
+    """
     builder, registry, run = _begin(source)
     tables = source.tables
     # Each table becomes settings or parts. The builder notes what is wrong with one and goes on with the next.
     stated: AlignmentSettings | None = _settings_in(builder, tables, AlignmentSettings, "alignment")
     analyses = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
     safety: SafetySettings | None = _settings_in(builder, tables, SafetySettings, "safety")
-    kinds = {kind: builder.parts(kind) for kind in registry.parts}
+    kinds = {kind: builder.parts(kind) for kind in registry.parts}  # parts by kind, then by name
     # The tables have to agree with each other.
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)

@@ -31,7 +31,10 @@ class Source:
     """
 
     def __init__(self, text: str, path: Path, named: bool = False, enclosure: Enclosure | None = None) -> None:
-        """Parse the text of a file; raises ConfigurationError where it is not TOML, or nested too deeply."""
+        """Parse the text of a file; raises ConfigurationError where it is not TOML, or nested too deeply.
+
+        `named`: a person has named the file; `enclosure`: the files that it may name, where a log carries it.
+        """
         self.enclosure = enclosure
         self.text = text
         self.path = path

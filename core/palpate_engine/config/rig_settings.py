@@ -56,6 +56,8 @@ _NO_VALUES = (
 def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
     """Set what the facts in a file, and those of the command line, state of a source; return True if there are any.
 
+    `known` is the registry of the parts that are known; it has the kinds of tips and models.
+
     Both are taken out of the source. What the command line states goes before the file of facts, which goes before what
     a pipeline leaves open; the uncertainty of another value does not stay. Raises ConfigurationError where the pipeline
     states another value than the file of facts.

@@ -30,7 +30,10 @@ def tip_table(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
 
 
 def tip_values(text: str, known: Registry, said: str = "tip") -> dict[str, Any]:
-    """Return the table of a tip as `tip_table` reads it, its values not yet checked; raises ConfigurationError."""
+    """Return the table of a tip as `tip_table` reads it, its values not yet checked.
+
+    `known` is the registry of the kinds of tips, `said` the word for the text in a message. Raises ConfigurationError.
+    """
     label = f"{said} {text!r}"
     name, *tokens = _COMMA.sub(" ", text).split() or [""]
     try:

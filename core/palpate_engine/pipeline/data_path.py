@@ -58,7 +58,7 @@ class Backlog:
     def _due(self) -> Samples:
         """Return the samples that wait: all of them, or in a live run a slice."""
         is_unlimited = self._latency is None or self.given_up is not None or clock().simulated
-        room = _FIRST_SLICE
+        room = _FIRST_SLICE  # samples
         if self._sample_cost:
             room = int(np.clip(_SLICE_DURATION / self._sample_cost, _MIN_SLICE, _MAX_SLICE))
         blocks: list[Samples] = []

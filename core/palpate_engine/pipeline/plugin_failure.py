@@ -89,9 +89,9 @@ def _is_of(frame: FrameType, part: Part) -> bool:
 
 
 def check_estimates(estimates: Any, samples: Samples, parameters: int) -> Estimates:
-    """Return estimates of the right form, read-only, those that are not numbers marked as diverged.
+    """Return estimates of so many parameters, read-only, those that are not numbers marked as diverged.
 
-    Raises TypeError or ValueError.
+    Raises TypeError or ValueError where their form is not that of the samples.
     """
     if not isinstance(estimates, Estimates):
         raise TypeError(f"the tracker's run answers {type(estimates).__name__}, not Estimates")

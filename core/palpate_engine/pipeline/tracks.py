@@ -58,6 +58,7 @@ class RunningTrack:
             return read_only(Estimates.idle(samples, parameters))
         start = clock().now()
         try:
+            # The force that a flat skin would give, for the models are of one.
             share = self._curved_share(samples)
             flat = samples if share is None else read_only(replace(samples, force=samples.force / share))
             estimates = check_estimates(self.tracker.run(flat), flat, parameters)

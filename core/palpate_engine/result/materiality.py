@@ -157,7 +157,7 @@ def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
 def _undetermined_flags(noted: set[str], values: Mapping[str, UncertainValue]) -> Iterator[Flag]:
     """Yield a note on values that may be zero as far as the record shows, unless they are `noted` already."""
     for name, value in values.items():
-        u = value.of_one_place
+        u = value.of_one_place  # combined standard uncertainty; the places of a sweep may differ
         if name in noted or not math.isfinite(value.value):
             continue
         if value.unknown or math.isnan(u):

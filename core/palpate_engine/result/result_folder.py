@@ -36,7 +36,7 @@ def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
             return wanted
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip("-")[:_NAME_LENGTH].rstrip("-.") or "run"
         stem = Path("runs") / f"{now:%Y-%m-%d_%H-%M-%S}_{slug}"
-        for count in range(1, 1000):
+        for count in range(1, 1000):  # a choice, far more than begin within a second
             folder = stem if count == 1 else stem.with_name(f"{stem.name}_{count}")
             try:
                 folder.mkdir(parents=True)

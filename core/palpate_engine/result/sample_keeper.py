@@ -96,7 +96,7 @@ class Keeper:
             position=position,
             velocity=velocity,
             lateral=lateral,
-            used=used > 0.5,
+            used=used > 0.5,  # kept as 0 or 1
             surface=surface,
             innovation=innovation,
         )

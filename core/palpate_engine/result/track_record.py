@@ -40,7 +40,7 @@ class TrackRecord:
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
-        """Take in a block."""
+        """Take in a block of samples, its estimates, and the time [s] that they took to compute."""
         self.seconds += seconds
         self.keeper.add(samples, estimates)
         self._summarise(samples, estimates)

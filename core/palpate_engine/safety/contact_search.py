@@ -26,7 +26,7 @@ class ContactSearch:
     def note(self, way: float, count: int, total: float) -> None:
         """Take readings, so many with a sum [N], at a way [m] of the tip inwards."""
         self._recent.append((way, count, total))
-        # The fewest of the latest batches that have 20 readings.
+        # The fewest of the latest batches that have 20 readings; a row has way, number and sum of those of a batch.
         readings = sum(row[1] for row in self._recent)
         while readings - self._recent[0][1] >= _READINGS:
             self._way_before, count_before, _ = self._recent.popleft()

@@ -162,7 +162,8 @@ class RiseWatch:
         count_1, count_2 = half_way.readings - begin.readings, end.readings - half_way.readings
         if min(count_1, count_2) < _MIN_READINGS:
             return None
-        # A way across the skin is not judged, nor one on which the tip slows down.
+        # A way across the skin is not judged, nor one on which the tip slows down; of a way that goes sideways by a
+        # share s the length in space is sqrt(1 + s^2) times that inwards.
         length = ways[-1] - ways[first]
         if math.dist(end.place, begin.place) > math.hypot(1.0, _MAX_SIDEWAYS_SHARE) * length:
             return None

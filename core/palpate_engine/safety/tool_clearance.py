@@ -49,7 +49,7 @@ class ToolGap:
 
 
 def tool_clearance(tool: ToolBody, times: Floats, setpoint: Setpoint, surface: Surface) -> ToolGap:
-    """Return the least clearance of a tool at setpoints at times (n,) [s], as far as it is not clear; infinite else.
+    """Return the least clearance of a tool at setpoints at times (n,) [s]; infinite where it surely touches nothing.
 
     A distance from a surface changes no faster than the place does: what lies between the places that are asked about
     is nearer by half of the gap at most. Raises ConfigurationError where the surface is not known below the tool.
@@ -59,7 +59,7 @@ def tool_clearance(tool: ToolBody, times: Floats, setpoint: Setpoint, surface: S
     rows, gap = np.arange(len(times)), ToolGap()
     for cell in _CELLS:
         # One axis stands for all whose two ends lie in the same cells, whose places differ by its diagonal at most.
-        axis_cells = np.round(axes[rows][:, [0, -1]].reshape(len(rows), 6) / cell)
+        axis_cells = np.round(axes[rows][:, [0, -1]].reshape(len(rows), 6) / cell)  # x, y and z of both ends
         _, first, cells = np.unique(axis_cells, axis=0, return_index=True, return_inverse=True)
         distance, place = _distances(axes[rows[first]], surface)
         distance -= tool.radius + math.sqrt(3.0) * cell

@@ -56,7 +56,8 @@ class TouchBegin:
 def touch_outlier_text(touches: Sequence[TouchSlope]) -> str | None:
     """Return the place of a touch whose slope or shape is not among the others', and what differs; None of none.
 
-    A touch is compared with a prediction interval from the others (Student's t), which 1 % of sound maps exceed.
+    A touch is compared with a prediction interval from the others (Student's t), which 1 % of sound maps exceed. The
+    place is by x and y.
     """
     if len(touches) < _MIN_TOUCHES:
         return None

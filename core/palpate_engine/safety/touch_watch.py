@@ -48,8 +48,8 @@ class TouchWatch:
     def fault(self, time: float, forces: Floats, way: float, place: Sequence[float], in_air: bool) -> str | None:
         """Return why readings (n,) [N] that push out are not believed at a time [s]; None where they are.
 
-        `way` [m] of the tip inwards and its place (3,) [m], which may be in free air, as high as travel is. The contact
-        has seen these readings.
+        The tip has gone a `way` [m] inwards and is at a `place` (3,) [m]; `in_air`: that is as high as travel in free
+        air. The search for contact has had these readings.
         """
         count, total = len(forces), float(forces.sum())
         if not count or not math.isfinite(total):

@@ -176,7 +176,7 @@ def type_text(annotation: Any, metadata: list[Any]) -> str:
 
 
 def _of_several(annotation: Any) -> str:
-    """Return a type that is made of others, in words; empty for any other."""
+    """Return an annotation that is made of other types, such as a union or a tuple, in words; empty for any other."""
     origin = typing.get_origin(annotation)
     arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
     if origin is dict:

@@ -65,7 +65,7 @@ def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> T
 
 
 def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> float:
-    """Return for how long [s] the motion went on.
+    """Return for how long [s] the motion of a part of a run went on, by the places that were recorded.
 
     A live record begins before its motion, with standstill and way to its start: the delay is that at which the
     recorded places are those of the motion. Where the tip no longer follows it the motion is over: a retraction after
@@ -80,7 +80,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     if not is_finite.any():  # of a motion that was cut it is not known how far it came
         return end - standstill if end - standstill >= duration_of(trajectory) else 0.0
 
-    # The begin of the motion, and the last time at which the tip followed it.
+    # The begin of the motion, by thinned rows, and the last time at which the tip followed it in x and y.
     row_step = max(int(is_finite.sum()) // _MAX_ROWS, 1)
     time, place = time[is_finite], place[is_finite]
     delay = _delay(time[::row_step], place[::row_step], trajectory, standstill)

@@ -98,20 +98,20 @@ def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding
 
 
 def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
-    """Yield the findings on the ways to the start, from where the arms stand now."""
+    """Yield the findings on the ways of the arms to the start of each motion, from where they stand now."""
     for name, trajectory in pipeline.trajectories.items():
         for arm, link in links.items():
             if pipeline.safety is None:
                 continue
             if isinstance(link, SupportsLimits):
-                link.limit(pipeline.safety.of_an_arm, lambda _: None)
+                link.limit(pipeline.safety.of_an_arm, lambda _: None)  # nothing moves that could be stopped
             try:
                 report = check_approach(link, trajectory, pipeline.safety)
             except DeviceError as error:
                 yield Finding("bad", arm, str(error))
                 continue
             if report is not None:
-                length = 1e3 * float(np.linalg.norm(report.high - report.low))
+                length = 1e3 * float(np.linalg.norm(report.high - report.low))  # [mm] the diagonal of its box
                 text = f"the way to the start of {name}, {length:.1f} mm in {report.duration:.1f} s, keeps the limits"
                 yield Finding("good", arm, text)
 
@@ -126,8 +126,8 @@ def _listen(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> I
         return
     for name in links:
         for stream in streams[name]:
-            of_stream = batches.get((name, stream.name), [])
-            yield from _stream(f"{name}.{stream.name}", stream, of_stream, pipeline.alignment.gap)
+            stream_batches = batches.get((name, stream.name), [])
+            yield from _stream(f"{name}.{stream.name}", stream, stream_batches, pipeline.alignment.gap)
     # Force and velocity at rest need every device.
     if len(links) == len(pipeline.devices):
         yield _standstill(guard, declared_noise(pipeline))

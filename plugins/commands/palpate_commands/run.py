@@ -76,7 +76,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False, details
         # The first display of all plugins shows the run, unless a program reads the output.
         screen = None
         displays = {} if as_json else pipeline.registry.displays
-        for name, display in list(displays.items())[:1]:
+        for name, display in list(displays.items())[:1]:  # none or one
             screen = stack.enter_context(context_of(function_of(display)(pipeline), f"display {name}"))
         result = run_pipeline(pipeline, out, screen and screen.progress, screen)
     if result.signal == signal.SIGHUP:  # the terminal is gone

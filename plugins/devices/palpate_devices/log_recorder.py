@@ -37,7 +37,7 @@ class LogRecorder:
         self._log: Any = Writer(cast(Any, file), compression=CompressionType.ZSTD)
         keep_index_in(self._log, index)
         self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
-        # Channels of raw streams, of samples, and of every track.
+        # Channels of raw streams, by device and stream, of samples, and of every track; each is known by its number.
         self._schemas: dict[str, int] = {}
         self._streams: dict[tuple[str, str], tuple[int, Stream]] = {}
         for device, streams in run.streams.items():

@@ -40,8 +40,8 @@ class _BlockIndex:
 def add_messages(writer: Any, channel: int, logged: Times, sent: Times, messages: NDArray[np.uint8]) -> None:
     """Add messages (n, size) to a channel of the library's writer: the bytes that `add_message` gives, only faster.
 
-    A channel is written to in this way or in the other, not in both. The library has no such call; where a version of
-    it names its parts otherwise, messages are added one by one.
+    Messages have times of logging and of sending (n,) [ns]. A channel is written to in this way or in the other, not in
+    both. The library has no such call; where a version of it names its parts otherwise, messages are added one by one.
     """
     if not all(hasattr(writer, f"_Writer__{name}") for name in _PRIVATE) or writer._Writer__chunk_builder is None:
         # Of another version: one message after the other.

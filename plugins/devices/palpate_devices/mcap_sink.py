@@ -111,7 +111,10 @@ class _LogWriter:
             raise
 
     def _work(self) -> None:
-        """Do what is queued until the end, and keep the log saved where nothing is; keep the first failure."""
+        """Write what is queued, a function for each piece of work, until the end; keep the first failure.
+
+        Where nothing is queued for a while the log is saved all the same.
+        """
         while True:
             try:
                 work = self._waiting.get(timeout=FLUSH_EVERY)

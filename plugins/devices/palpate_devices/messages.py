@@ -108,7 +108,8 @@ def message_type(schema_name: str, definition: str) -> MessageType | None:
         if standard.name == name:
             return standard
     # Fields as (type, name), without comments and the definitions of other types.
-    lines = [line.split("#")[0].split() for line in definition.split("\n===")[0].splitlines()]
+    own_definition = definition.split("\n===")[0]
+    lines = [line.split("#")[0].split() for line in own_definition.splitlines()]
     fields = [line for line in lines if line]
     if not fields or fields[0][0] not in ("std_msgs/Header", "std_msgs/msg/Header"):
         return None
@@ -128,7 +129,10 @@ def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[s
 def pack_messages(
     stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()
 ) -> NDArray[np.uint8]:
-    """Return the messages of `pack` in one array (n, bytes)."""
+    """Return one message in CDR for each stamp (n,) [ns] and row of numbers (n, k), in one array (n, bytes).
+
+    With `joints` they are JointStates with these names, else a header with its `frame` and the numbers.
+    """
     # Copies of the template, with the stamp of each.
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))

@@ -19,7 +19,7 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
     """Send these limits, and where the force is read, to every arm that enforces limits itself."""
     port, contact = guard.force, guard.contact
     assert contact.tare is not None
-    channels, tare = contact.components, tuple(contact.tare.tolist())
+    channels, tare = contact.components, tuple(contact.tare.tolist())  # columns of the stream, and their tares [N]
     # An arm reads the sensor by itself only through a shared ring of its device.
     source = links.get(port.device)
     shared = source.shared(port.stream.name) if isinstance(source, SupportsSharing) else None
@@ -31,6 +31,7 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
                 force = channels, tare, limits.stop_force, port.signal.channel, *normal
                 torque = contact.torques, tuple(contact.torque_tare.tolist()), limits.torque
                 sound = limits.reading_age, guard.rise.sound
+                # By position: the fields of a ForceWatch in their order.
                 arm.watch_force(ForceWatch(shared, *force, contact.ranges, contact.repeats, *torque, *sound))
 
 

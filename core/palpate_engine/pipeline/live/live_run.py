@@ -28,7 +28,7 @@ class LiveRun:
         take: Take,
         interrupt: Interrupt,
     ) -> None:
-        """Take a rig, its links and guard, its motion, and the function that records and estimates batches."""
+        """Take a rig, its links and guard, its motion, and the function `take` that records and estimates batches."""
         self.rig, self.guard, self.trajectory, self.interrupt = rig, guard, trajectory, interrupt
         self.arms = {name: link for name, link in links.items() if isinstance(link, Arm)}
         self.links = LiveLinks(links, rig.devices, guard)

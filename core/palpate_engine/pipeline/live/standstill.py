@@ -26,7 +26,10 @@ class Standstill:
 
 
 def refuse_unsteady(standstill: Standstill, limits: SafetySettings, force: str, declared: Noise) -> None:
-    """Raise DeviceError with advice where a standstill moves, or is not what was expected."""
+    """Raise DeviceError with advice where a standstill moves, or is not what was expected.
+
+    `force` is the name of the channel, `declared` the noise of force and velocity that each estimator counts on.
+    """
     if abs(standstill.force) > limits.standstill_force:
         raise DeviceError(
             f"{force} reads {standstill.force:.2f} N at standstill, over [safety] standstill_force = "

@@ -99,18 +99,18 @@ def _acceptance(
 ) -> Acceptance:
     """Return the page of the steps that were made so far."""
     return Acceptance(
-        pipeline.run.name,
-        str(file),
-        began,
-        importlib.metadata.version("palpate"),
-        protocol.identity,
-        demand_limits(pipeline),
-        tuple(outcomes),
-        _reported_visits(pipeline),
-        pipeline.run.rehearsal,
-        Simulator.of(pipeline),
-        WatchedArm.of(pipeline).modes.single_connection,
-        pipeline.looser_limits,
+        name=pipeline.run.name,
+        file=str(file),
+        began=began,
+        version=importlib.metadata.version("palpate"),
+        identity=protocol.identity,
+        limits=demand_limits(pipeline),
+        outcomes=tuple(outcomes),
+        steps=_reported_visits(pipeline),
+        rehearsal=pipeline.run.rehearsal,
+        simulator=Simulator.of(pipeline),
+        single_connection=WatchedArm.of(pipeline).modes.single_connection,
+        looser_limits=pipeline.looser_limits,
     )
 
 
@@ -130,7 +130,7 @@ def _show(report: Acceptance, folder: Path, as_json: bool) -> None:
         print_json(report.table())
     else:
         headings = ("step", "speed mm/s", "reaction ms", "deceleration m/s^2", "way mm", "verdict")
-        rows = [(row[0], *row[2:]) for row in map(row_of, report.outcomes)]
+        rows = [(row[0], *row[2:]) for row in map(row_of, report.outcomes)]  # without the event, a sentence
         title = f"{report.name}: {report.verdict} (declared)"
         console().print(Table.of(title, headings, rows, ("step", "verdict")).view())
     typer.echo(f"{'to sign' if report.rehearsal is None else 'written to'}: {page}", err=as_json)
@@ -140,7 +140,7 @@ def _show(report: Acceptance, folder: Path, as_json: bool) -> None:
 
 
 def _visits(names: Sequence[str], pipeline: Pipeline) -> tuple[Visit, ...]:
-    """Return the steps by name, in the protocol's order; raises ConfigurationError.
+    """Return the steps by name, in the protocol's order, each at a site (a visit); raises ConfigurationError.
 
     Without names all that this robot reports, of a simulator all that it has, and in a rehearsal all without signals.
     """

@@ -54,6 +54,7 @@ class ProcessJob(StrokesJob):
     """A run of strokes in a process and a session of its own."""
 
     def __init__(self, file: Path, overrides: Sequence[str], run: StrokesRun) -> None:
+        """Start a process that makes the strokes of a run, with the pipeline in a file; its folder is made here."""
         super().__init__(run)
         run.folder.mkdir(parents=True)
         settings = {

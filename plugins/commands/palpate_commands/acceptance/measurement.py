@@ -87,12 +87,12 @@ def measure_braking(trace: BrakingTrace, event: float, planned: float, inwards: 
     ways = direction * (trace.height[is_after] - event_height)
     way = float(ways[: end_row + round(_REVERSAL_TIME / spacing)].max())
     return Braking(
-        max(speed, _fastest_until(trace, event, max(last_fast_time, event), direction, spacing)),
-        max(begin - event, 0.0),
-        speed_share * speed / braking_time,
-        speed_share * speed / max(braking_time - spacing, spacing / 2),
-        max(way, 0.0),
-        spacing,
+        speed=max(speed, _fastest_until(trace, event, max(last_fast_time, event), direction, spacing)),
+        reaction=max(begin - event, 0.0),
+        deceleration=speed_share * speed / braking_time,
+        deceleration_most=speed_share * speed / max(braking_time - spacing, spacing / 2),
+        way=max(way, 0.0),
+        resolution=spacing,
     )
 
 
@@ -118,7 +118,8 @@ def measure_standstill(
 ) -> StandstillAfterEvent:
     """Return the way from an event [s] that ended a record to a height [m] found later; raises MissedError.
 
-    From the last state to the event the tip goes on at its speed. States after the event count as well: the way is the
+    `planned` is the speed of the strokes [m/s], `movement` [m] by how much the tip still moved when it was found. From
+    the last state to the event the tip goes on at its speed. States after the event count as well: the way is the
     farthest that any of them shows.
     """
     velocity = _velocity_before(trace, event, planned)
@@ -191,7 +192,7 @@ def measure_force_delay(trace: BrakingTrace, time: Floats, force: Floats) -> For
     if speed_scatter < _MIN_SPEED_SCATTER * float(speeds[:, best].max()) or not math.isfinite(scatter[best]):
         raise too_few
 
-    # The delay is the slope of height over speed: its standard error, and the spacing of the states.
+    # The delay is the slope of height over speed: its standard error, with two unknowns, and the spacing of the states.
     spacing = float(np.median(np.diff(trace.time)))
     slope_error = float(scatter[best]) / math.sqrt(max(len(onsets) - 2, 1)) / speed_scatter
     return ForceDelay(float(delays[best]), math.hypot(slope_error, spacing))

@@ -195,7 +195,10 @@ class StateAfterRun:
 
 
 def state_after_run(arm: WatchedArm, seed: int) -> StateAfterRun:
-    """Connect again and watch the arm for a while; raises MissedError if that brings no states."""
+    """Connect again and watch the arm for a while; return its height, how far it moved, and its mode.
+
+    Raises MissedError where no states come.
+    """
     heights: list[float] = []
     try:
         with observed(arm, seed) as observer:

@@ -43,7 +43,10 @@ class Outcome:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Measured values that are worse than declared by more than the spacing of the states explains."""
+        """Measured values that are worse than declared by more than the spacing of the states explains.
+
+        Sentences, one for each of them; none where the step is passed.
+        """
         braking, allowed = self.braking, self.allowed
         if self.force_delay is not None:
             is_late = self.force_delay.value - _COVERAGE * self.force_delay.std > allowed.reaction

@@ -160,6 +160,7 @@ class Acceptance:
             yield "| " + " | ".join(row_of(outcome)) + " |"
 
     def _notes(self) -> Iterator[str]:
+        """Yield the lines that explain the numbers, and say what each run reported."""
         yield (
             "Each number is followed by what is declared. Reaction: from the event to the beginning of braking. The "
             "event is the robot's own report of the stop, the signal, the sensor's last reading before its cable was "
@@ -183,7 +184,10 @@ class Acceptance:
 
 
 def row_of(outcome: Outcome) -> tuple[str, ...]:
-    """Return a step as texts, each number with what is declared."""
+    """Return a step as texts, each number with what is declared.
+
+    Its name, the event, speed [mm/s], reaction [ms], deceleration [m/s^2], way [mm] and verdict.
+    """
     visit, stop, braking, allowed = outcome.visit, outcome.stop, outcome.braking, outcome.allowed
     verdict = "; ".join(outcome.problems) or "passed"
     if (delay := outcome.force_delay) is not None:

@@ -106,7 +106,10 @@ class AcceptanceProtocol:
         return Allowed(reactions[step.bound], limits.deceleration)
 
     def _outcome(self, visit: Visit) -> Outcome:
-        """Return the outcome of a step, of the first attempt that shows a stop."""
+        """Return the outcome of a visit, a step at a site, by the first attempt that shows a stop.
+
+        After the last attempt it is an outcome without a measurement, with the reason.
+        """
         step, allowed, reason = visit.step, self._allowed(visit.step), ""
         for _ in range(_MAX_ATTEMPTS):
             if reason:
@@ -158,7 +161,7 @@ class AcceptanceProtocol:
         Return the time [s] of a signal that this program sent; None without one.
         """
         step, job, event = run.visit.step, run.job, None
-        # The signal, a person's act, or the end of the run by itself.
+        # The signal `number`, a person's act, or the end of the run by itself.
         if step.number is not None:
             _wait_for_way_down(run)
             event = (host_time_ns() - run.origin) / 1e9
@@ -182,6 +185,7 @@ class AcceptanceProtocol:
         Raises MissedError where nothing has stopped it, and DeviceError where it did not begin.
         """
         step, job, observer, strokes = run.visit.step, run.job, run.observer, run.job.run.strokes
+        # A step at which the arm leaves the material shows its braking only on the way down.
         needs_way_down, (high, _) = step.leaves, strokes.straight
         time_words = "as soon as this says NOW, for the tip goes down then" if needs_way_down else "while the tip moves"
         self._guide.say(f"  {step.ask}, {time_words}")

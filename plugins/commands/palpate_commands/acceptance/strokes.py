@@ -70,7 +70,7 @@ def plan_strokes(pipeline: Pipeline, visit: Visit, allowed: float) -> Strokes:
     if visit.site == "foam":
         motions = [check_motion(trajectory, limits) for trajectory in pipeline.trajectories.values()]
         bottom = max(float(motions[0].low[2]), box_bottom)
-        top = min(box_top, -bottom + _AIR_HEIGHT)
+        top = min(box_top, -bottom + _AIR_HEIGHT)  # as far above the skin, z = 0, as the bottom is below, and more
         speed = min(speed, motions[0].inward_speed)
     else:
         top, bottom = box_top, max(box_top - _MAX_STROKE, box_bottom + _RETREAT, _AIR_HEIGHT)
@@ -88,6 +88,7 @@ def plan_strokes(pipeline: Pipeline, visit: Visit, allowed: float) -> Strokes:
     speed = min(speed, _STRAIGHT_SHARE * way / min_time)
     turn = _ACCELERATION_RATIO * speed / limits.acceleration
     if not visit.step.stops:
+        # Down and up again is one cycle.
         return Strokes(top, bottom, speed, turn, _DELAY_CYCLES * 2.0 * way / speed, _SLOW_SHARE * speed)
     return Strokes(top, bottom, speed, turn, _DURATION_BY_HAND if visit.step.by_hand else _DURATION)
 

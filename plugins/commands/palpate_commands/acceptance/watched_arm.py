@@ -29,11 +29,12 @@ class WatchedArm:
         device = pipeline.devices[names[0]]
         layouts = {stream.layout: stream.name for stream in device.streams}
         modes = device.stop_modes if isinstance(device, ReportsStops) else None
-        columns = [
-            (stream.name, [channel.name for channel in stream.channels].index(modes.channel))
-            for stream in device.streams
-            if modes is not None and modes.channel in [channel.name for channel in stream.channels]
-        ]
+        # Stream and column of the channel that reports a stop.
+        columns: list[tuple[str, int]] = []
+        for stream in device.streams:
+            channels = [channel.name for channel in stream.channels]
+            if modes is not None and modes.channel in channels:
+                columns.append((stream.name, channels.index(modes.channel)))
         is_observable = device.live and isinstance(device, Observable) and {"pose", "twist"} <= layouts.keys()
         if modes is None or not (is_observable and columns):
             raise ConfigurationError(

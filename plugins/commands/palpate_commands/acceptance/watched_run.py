@@ -53,7 +53,8 @@ class WatchedRun:
     def outcome(self, event: float | None, seed: int) -> Outcome:
         """Return the outcome of a run that has been stopped by an event at a time [s], or of strokes that ended.
 
-        Without a time it is that which robot or sensor report. Raises MissedError where nothing shows.
+        Without a time the event is the one that robot or sensor report. `seed` is that of a connection that is made
+        again. Raises MissedError where the record shows no stop.
         """
         trace = self.observer.trace(self.origin)
         if not self.visit.step.stops:

@@ -33,7 +33,10 @@ _HINTS = {
 
 
 def distribution(kind: str, name: str) -> dict[str, str]:
-    """Return the files of a distribution by their path in its folder."""
+    """Return the texts of the files of a distribution of a kind, by their path in its folder.
+
+    They are templates in which package, name and class of the new distribution are filled in.
+    """
     package, short = name.replace("-", "_"), name.removeprefix("palpate-")
     module, class_, hook, root, part = _OFFERS[kind]
     placeholders = {

@@ -43,8 +43,9 @@ def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:
-    """Take a sensor from its start to RUN with these filters; return its report of itself.
+    """Take a sensor at a serial `port` from its start to RUN with these filters; return its report of itself.
 
+    The greeting that has the report may take `boot` [s].
     Opening the port has reset it. Nothing is stored in its EEPROM, whose writes are counted: after a reboot it is to
     be set up again.
     """

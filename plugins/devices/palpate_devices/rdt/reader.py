@@ -49,8 +49,9 @@ class RdtReader(SensorReader):
         data = line.recv(_BUFFER)
         if len(data) != REPLY.size:
             return ()
+        # Number of the reading, its status, and counts of three forces and three torques; a status of 0 is sound.
         sequence, _, status, *counts = REPLY.unpack(data)
-        # Their numbers show readings that were lost, or overtaken.
+        # The numbers show readings that were lost, or overtaken.
         lost = missing_readings(self._sequence, sequence)
         if lost < 0:
             self.counts["out_of_order"] += 1

@@ -32,11 +32,12 @@ class FlangeLoad:
 
 
 def weigh_flange(postures: Sequence[Posture]) -> FlangeLoad:
-    """Return the load from wrenches in several orientations, the sensor's offset unknown; the base stands upright.
+    """Return the load at the flange by wrenches in several orientations, by least squares for mass and centre of mass.
 
-    f = s m g + f0 and t = c x s m g + t0 in the flange's frame, f0 and t0 the offsets, s = 1 or -1 by the sensor's
-    convention. Raises ConfigurationError where the orientations are too much alike, or where something else than weight
-    was felt.
+    The sensor's offset is unknown, and the base stands upright. A wrench has three forces [N], then three torques
+    [N m]: f = s m g + f0 and t = c x s m g + t0 in the flange's frame, f0 and t0 the offsets, s = 1 or -1 by the
+    sensor's convention. Raises ConfigurationError where the orientations are too much alike, or where something else
+    than weight was felt.
     """
     # Gravity in the flange's frame, whose directions have to span a plane about their mean: else offset is weight.
     gravity = np.array([posture.flange[:3, :3].T @ [0.0, 0.0, -GRAVITY] for posture in postures])

@@ -15,7 +15,10 @@ Edit = Mapping[str, Any]  # keys of a device's table, tables among them
 
 
 def edited_text(text: str, device: str, changes: Edit) -> str:
-    """Return the text of a pipeline with other settings of a device; raises ConfigurationError."""
+    """Return the text of a pipeline with other settings of a device; raises ConfigurationError.
+
+    A change is a value by its key, or a table of values, whose other keys stay.
+    """
     # The device's table, in a document that keeps comments and order.
     try:
         document = tomlkit.parse(text)

@@ -91,11 +91,13 @@ def work_frame(plane: SurfacePlane, origin: Floats, tool: Floats) -> tuple[WorkF
     axis = np.cross(_UP, plane.normal)
     sine = float(np.linalg.norm(axis))
     angle = math.atan2(sine, float(_UP @ plane.normal))
+    # Along the z axis the turn is about any horizontal axis: x.
     rotation = axis * (angle / sine) if sine > _SMALLEST_SINE else np.array([angle, 0.0, 0.0])
     # The frame at the foot of the origin, and its tool turned about the normal as the real one is.
     foot = origin - plane.height_of(origin) * plane.normal
     unturned = WorkFrame(origin=_coordinates(foot), rotation=_coordinates(rotation))
     from_unturned = unturned.tool.T @ tool
+    # The angle about z of the rotation nearest to it, by its upper 2 x 2 block.
     turn = math.atan2(from_unturned[1, 0] - from_unturned[0, 1], from_unturned[0, 0] + from_unturned[1, 1])
     frame = unturned.model_copy(update={"turn": turn})
     # What no turn about the normal explains.

@@ -51,7 +51,7 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
     # R t - c = -p, three rows for each posture.
     matrix = np.vstack([np.hstack([flange[:3, :3], -np.eye(3)]) for flange in flanges])
     regression = linear_regression(matrix, -np.concatenate([flange[:3, 3] for flange in flanges]))
-    # Three coordinates of a place are one distance.
+    # The first three unknowns are t. Three coordinates of a place are one distance: sqrt(3) times the rms of one.
     return Pivot(regression.weights[:3], float(regression.errors()[:3].max()), math.sqrt(3.0) * regression.rms)
 
 

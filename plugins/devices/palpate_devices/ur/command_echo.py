@@ -89,7 +89,8 @@ class Echo:
             return 0.0
         answered_command, *pending = self._commands
         latest = self._commands[-1]
-        # One that should have come back has not: nothing since the answered one counts as taken.
+        # One that should have come back has not: nothing since the answered one, the first that is kept, counts as
+        # taken.
         if any(command.sent <= now - self._shortest_answer + _SAME_INSTANT for command in pending):
             return math.dist(latest.place.tolist(), answered_command.place.tolist())
         # Else the last one that was sent before the newest state.

@@ -43,7 +43,10 @@ _REDUCED = (
 
 
 def complaint(modes: tuple[int, int, int]) -> str | None:
-    """Return why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can."""
+    """Return why the arm cannot continue; None where it can.
+
+    The modes are numbers of the controller: robot mode, safety mode and runtime state.
+    """
     robot, safety, runtime = modes
     if safety not in _SAFE:
         condition = _SAFETY.get(safety, f"safety mode {safety}")

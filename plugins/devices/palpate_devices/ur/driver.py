@@ -95,7 +95,7 @@ class URDriver(ArmDriver):
         # The tool's own turn is the pendant's business, unless the pipeline states it.
         rotation = settings["tcp_rotation"]
         if rotation is None:
-            rotation = pendant[3:] if len(pendant) == _SIX else [0.0] * 3
+            rotation = pendant[3:] if len(pendant) == _SIX else [0.0] * 3  # behind the three coordinates of its place
         tcp = [*settings["tcp"], *rotation]
         self._control.setTcp(tcp)
         if settings["payload"] is not None:
@@ -168,6 +168,7 @@ class URDriver(ArmDriver):
         if stamp == self._stamp:
             return None
         now = clock().now_ns()
+        # Joints, their speeds, pose, twist and wrench, of six numbers each; three modes; two shares of the full speed.
         values, modes, paces = self._values()
         for _ in range(_REREADS):
             newest_stamp = receive.getTimestamp()

@@ -55,7 +55,7 @@ class URByHand:
         The pendant's tool is the pose that the controller reports behind the flange of the nominal arm. Raises
         ConfigurationError where its TCP is farther from the declared one than a real arm is from the nominal one.
         """
-        self._next_state(-1.0)
+        self._next_state(-1.0)  # any state: no stamp is below 0
         # The pendant's tool: behind the flange of the arm that the joints show.
         q, pose = list(self._states.getActualQ()), matrix_of(self._states.getActualTCPPose())
         declared = matrix_of([*tcp, *(rotation or (0.0, 0.0, 0.0))])
@@ -73,14 +73,17 @@ class URByHand:
         return declared
 
     def read(self) -> Posture:
-        """Return the mean over half a second; raises UnsteadyError, DeviceError."""
+        """Return the mean of pose and wrench over half a second.
+
+        Raises UnsteadyError where the tip moves meanwhile, DeviceError where numbers are missing.
+        """
         # Every new state: pose, and wrench where it is weighed.
         rows, stamp, end = [], -1.0, clock().now() + LISTEN
         while clock().now() < end:
             stamp = self._next_state(stamp)
             states: Any = self._states
             rows.append([*states.getActualTCPPose(), *(states.getFtRawWrench() if self._weighs else ())])
-        # The mean of both.
+        # The mean of both: of a place and a rotation vector, and of what follows them, forces and torques.
         values = np.array(rows)
         if not np.isfinite(values).all():
             raise DeviceError(f"{self._name}: the controller's pose or wrench is not a number")
