@@ -247,7 +247,10 @@ class ArmLoop:
                 commander.retract()
 
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:
-        """Carry out an order of the main job; motions are refused without limits and before the handshake."""
+        """Carry out an order of the main job; motions are refused without limits and before the handshake.
+
+        A file that belongs to an order, readings or setpoints, came as a descriptor along with it.
+        """
         match message["say"]:
             case "limits":
                 if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):

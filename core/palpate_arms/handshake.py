@@ -149,6 +149,7 @@ class Handshake:
 
         Friction may hold an arm on a spring back: it goes in the direction, if at all, and no further.
         """
+        # The way [m] by which a sound arm may still be behind, and what is left of the way across all axes.
         behind = length(self._commands[-1] - self._lagged) + self._stated.deadband
         side = displacement
         for axis in self._path.axes(step):

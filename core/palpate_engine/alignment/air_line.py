@@ -35,7 +35,7 @@ def decides(samples: Samples) -> bool:
 
 
 def record_tare(settings: AlignmentSettings, air: Samples, step: float) -> Tare | None:
-    """Return the tare of a record by its air before a touch, and the `step` [N] of its force.
+    """Return the tare of a record by its samples in air, before a touch, whose force has a resolution of a `step` [N].
 
     What is subtracted is that of the first `tare_duration`, or of as many readings as determine the noise. None where
     the air is too short, or has no noise.

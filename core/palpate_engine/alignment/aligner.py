@@ -38,7 +38,7 @@ class Aligner:
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._nothing: Samples | None = None  # a block without samples
-        self._counts = {"samples": 0, "force": 0, "velocity": 0}
+        self._counts = {"samples": 0, "force": 0, "velocity": 0}  # all, without a force, and without a velocity
         self._reader: SignalReader = (
             TurningToolReader(settings, ports["force"], self._roles, tip_radius)
             if settings.is_oriented
@@ -103,8 +103,10 @@ class Aligner:
         return block
 
     def _block(self, next_stamps: NDArray[np.int64], count: int, signals: ToolSignals) -> Samples:
-        """Return a block of samples at the first `count` stamps (n,) [ns], the next one for differences; contact is not
-        judged yet."""
+        """Return a block of samples at the first `count` stamps (n,) [ns], the next one for differences.
+
+        `signals` are force, height and velocity there, and the curvature of the skin. Contact is not judged yet.
+        """
         stamps, force, velocity = next_stamps[:count], signals.force, signals.velocity
         if self._origin is None and count:
             self._origin = int(stamps[0])

@@ -120,6 +120,7 @@ def _local_ports(settings: AlignmentSettings, roles: Mapping[str, Port]) -> dict
     force, position = roles["force"], roles["position"]
     axes = zip("xyz", force.components, strict=False)
     ports = {f"force {axis}": force.beside(column) for axis, column in axes if column != force.column}
+    # A quaternion, a rotation vector, or roll, pitch and yaw: whichever the stream of the position has.
     orientation_names = next((names for names in TURNS if position.has(names)), TURNS[0])
     ports |= {f"orientation {name}": position.named(name) for name in orientation_names}
     if settings.is_projecting:

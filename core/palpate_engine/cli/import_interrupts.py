@@ -36,6 +36,7 @@ def deferred_interrupts() -> Iterator[None]:
     press, hook = _KeyPress(), sys.unraisablehook
 
     def keep_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
+        """Let an interrupt wait that Python has swallowed, as in a destructor; others go to the former hook."""
         is_press = issubclass(unraisable.exc_type, KeyboardInterrupt)
         if is_press and threading.current_thread() is threading.main_thread():
             press.wait()

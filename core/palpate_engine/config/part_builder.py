@@ -86,17 +86,17 @@ class Builder:
             self._note(location, f'needs type = "..." (there are: {types})')
             raise _PartError
         try:
-            part = self._registry.find(kind, table["type"])
+            part_class = self._registry.find(kind, table["type"])
         except PluginError as error:
             self._note((*location, "type"), str(error))
             raise _PartError from error
         settings = {key: value for key, value in table.items() if key != "type"}
-        built = self._validated(part, settings, location)
+        built = self._validated(part_class, settings, location)
         assert isinstance(built, Part)
         return built
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
-        """Return the settings of a table, with the parts that its keys name or hold.
+        """Return the settings of a table, an object of the class `settings`, with the parts that its keys name or hold.
 
         Raises _PartError where they are not in order; what is wrong has been noted.
         """
@@ -141,8 +141,10 @@ class Builder:
         return broken
 
     def _doubted(self, settings: type[Settings], table: dict[str, Any], location: Location) -> list[Mistake]:
-        """Return a mistake for each number without a unit that was hardly meant; take the key `unchecked` out of the
-        table."""
+        """Return a mistake for each number without a unit that was hardly meant, in a table for a class of settings.
+
+        The key `unchecked`, whose numbers are meant, is taken out of the table.
+        """
         if UNCHECKED in settings.model_fields:
             return []
         unchecked = table.pop(UNCHECKED, [])

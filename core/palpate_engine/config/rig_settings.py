@@ -56,11 +56,10 @@ _NO_VALUES = (
 def apply_rig(source: Source, path: Path | None, known: Registry) -> bool:
     """Set what the facts in a file, and those of the command line, state of a source; return True if there are any.
 
-    `known` is the registry of the parts that are known; it has the kinds of tips and models.
-
-    Both are taken out of the source. What the command line states goes before the file of facts, which goes before what
-    a pipeline leaves open; the uncertainty of another value does not stay. Raises ConfigurationError where the pipeline
-    states another value than the file of facts.
+    `known` is the registry, which has the kinds of tips and models. Both facts are taken out of the source. What the
+    command line states goes before the file of facts, which goes before what a pipeline leaves open; the uncertainty of
+    another value does not stay. Raises ConfigurationError where the pipeline states another value than the file of
+    facts.
     """
     if path is None and TABLE not in source.tables:
         return False
@@ -156,7 +155,10 @@ def _is_open(tables: Mapping[str, Any], location: Location, assumed: list[str]) 
 
 
 def _demand_agreement(source: Source, location: Location, value: Any, statement: str) -> None:
-    """Raise ConfigurationError where a source states another value; one that it assumes is not a statement."""
+    """Raise ConfigurationError where a source states another value than a `statement`, which is named by file and key.
+
+    A value that the source assumes is not a statement.
+    """
     table: Any = source.tables
     assumed = _tables(source.tables, "run").get("assumed", ())
     if any(fnmatchcase(".".join(location), str(pattern)) for pattern in assumed):

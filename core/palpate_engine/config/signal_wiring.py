@@ -42,6 +42,7 @@ def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) 
             problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} must be in {required_unit}"
             mistakes.append(Mistake(("alignment", role), problem))
     if not mistakes and alignment.is_oriented:
+        # Wired as if the tool did not turn: its orientation may be what is missing.
         unturned = alignment.model_copy(update={"weight": "tared", "normal": None, "surface": None})
         problems = problems_of(alignment, ports_of(unturned, devices))
         mistakes += [Mistake(("alignment", key), problem) for key, problem in problems]

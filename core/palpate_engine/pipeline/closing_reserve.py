@@ -47,7 +47,10 @@ class ClosingReserve:
 
 @contextmanager
 def closing_reserve(folder: Path, is_live: bool) -> Iterator[ClosingReserve]:
-    """Yield the reserve of a run, or an empty one if not requested; raises OutputError if the disk is full."""
+    """Yield the reserve of a run, a file that keeps place on the disk free for its end; an empty one if it is not live.
+
+    Raises OutputError where the disk is full.
+    """
     if not is_live:
         yield ClosingReserve(None)
         return

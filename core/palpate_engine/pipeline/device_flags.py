@@ -22,7 +22,10 @@ def device_flags(alignment: AlignmentSettings, ports: Ports, live: Health | None
 
 
 def _clocks(ports: Ports, health: Health) -> Iterator[Flag]:
-    """Yield a flag for each device whose clock strayed by more than the declared uncertainty of its time-stamps."""
+    """Yield a flag for each device whose clock strayed by more than the declared uncertainty of its time-stamps.
+
+    `health` has the reports of the devices by their names.
+    """
     flagged = set()
     for role in ("force", "position", "velocity"):
         if role not in ports.roles:

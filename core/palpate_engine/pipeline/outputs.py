@@ -43,7 +43,10 @@ class Outputs:
         room: ClosingReserve,
         observer: Writer | None = None,
     ) -> None:
-        """Open sinks and tables of estimates of a run within a stack; `stop` ends the run where one fails."""
+        """Open sinks and tables of estimates of a run within a stack; `stop` ends the run where one fails.
+
+        A table is for each of the `online` tracks; `room` is the place on the disk that is kept back for the end.
+        """
         self.writers: list[Writer] = [
             stack.enter_context(context_of(sink.open(run), f"sink {name}: {type(sink).__name__}.open"))
             for name, sink in pipeline.sinks.items()

@@ -195,7 +195,10 @@ def _assumed_texts(keys: Sequence[str], pipeline: Pipeline) -> dict[str, str]:
 
 
 def _assumed_condition(key: str, text: str, units: Mapping[str, str]) -> Condition:
-    """Return the condition of a setting that nobody stated, on the values of a track with these units, by name."""
+    """Return the condition of a setting that nobody stated, by its key and its value as a text.
+
+    `units` has the units of the values of a track by name, on which the condition bears.
+    """
     remedy = f'--set "{key}=VALUE"'
     # Another rate may be any factor on all that has a second in its unit.
     if key.startswith("device.") and key.endswith(".rate"):

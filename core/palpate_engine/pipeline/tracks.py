@@ -123,6 +123,7 @@ class Tracks:
             self._blocks.append(samples)
         if self._threads is None or len(samples) < _MIN_BLOCK or len(self.online) < 2:
             return {track.track.name: track.run(samples) for track in self.online}
+        # The first one in this thread, and the others in threads of their own.
         first_track, *parallel_tracks = self.online
         futures = [self._threads.submit(track.run, samples) for track in parallel_tracks]
         try:

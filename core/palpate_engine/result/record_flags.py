@@ -121,7 +121,7 @@ def _weight_flags(report: AlignmentReport, settings: AlignmentSettings) -> Itera
         )
     if turned is None or turned.apart is None or turned.spread < _MIN_TURNED_WEIGHT or not mass:
         return
-    # All as shares of the weight.
+    # All as shares of the weight: what the angle of the mounting [rad] and the mass may be off by, and the drift.
     angle, _ = settings.orientation_uncertainties["mounting"]
     stated = settings.tip_mass_uncertainty
     mass_uncertainty = _MASS_UNCERTAINTY if stated is None else stated / mass

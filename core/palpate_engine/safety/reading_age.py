@@ -39,7 +39,7 @@ class ReadingAge:
             return
         if self._first is None:
             self._first = arrivals[0], arrivals[0] - stamps[0]
-        began, usual = self._first
+        began, usual = self._first  # arrival and lateness of the first reading [ns]; later ones are compared with it
         late = elapsed = 0.0
         for stamp, arrival in zip(stamps, arrivals, strict=True):
             elapsed, late = (arrival - began) / _SECOND, (arrival - stamp - usual) / _SECOND

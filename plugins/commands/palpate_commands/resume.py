@@ -27,8 +27,9 @@ _DELAY_TOLERANCE = 1e-12  # [m^2] between mean squares of distances that are equ
 def remaining_pipeline(folder: Path, overrides: Sequence[str] = ()) -> Pipeline | None:
     """Return the pipeline that does the rest of a run and its continuations; None where all was finished.
 
-    Every part may have a rest; a later part whose motion is just that has done it. The pipeline is that of the part,
-    with overrides on top. Raises ConfigurationError where a motion can only be done as one, or is overridden.
+    A part is the run or one of its continuations. Each may have left a rest of its motion; a later part whose motion is
+    just that has done it. The pipeline is that of the part, with overrides on top. Raises ConfigurationError where a
+    motion can only be done as one, or is overridden.
     """
     for assignment in overrides:
         if assignment.startswith("trajectory."):

@@ -88,9 +88,10 @@ class ArmStop:
                 self.reason = f"{self.reason.rstrip('.')}.{text}"
 
     def failed(self, text: str, device: str, error: BaseException | None = None) -> None:
-        """Take note of a device that has failed: no fault once all arms are done, a second one of an arm that leaves.
+        """Stop the arms for a device that has failed, unless all of them are done.
 
-        Of an arm that moves, `error` may say whether it stands; else states since the stop have to show it.
+        Of an arm that moves, the failure may be its second fault, while it leaves. Then `error` may say whether it
+        stands; else states since the stop have to show it.
         """
         if self.over.is_set():
             return

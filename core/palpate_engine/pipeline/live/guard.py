@@ -141,7 +141,10 @@ class Guard:
         self.stop.trip(reason)
 
     def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
-        """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
+        """Check a batch of a device, and stop the arms where it shows a reason.
+
+        `attended`: when the process that receives the device's readings last looked for them [ns].
+        """
         # Once the arms are done nothing is watched; what was felt until they stood still counts as peak.
         key = (device, batch.stream)
         if self.stop.over.is_set():

@@ -37,7 +37,7 @@ class HostWatch:
             self._thread.join()
 
     def has_looked(self, device: str) -> bool:
-        """Take note that batches of a device are looked at; whether they must be."""
+        """Note that batches of a device are looked at now; return True if the device is one that is watched."""
         if device not in self._looked:
             return False
         self._looked[device] = clock().now()

@@ -125,7 +125,10 @@ class LiveLinks:
             yield self._next(0.0)
 
     def _next(self, timeout: float) -> list[tuple[str, Batch]]:
-        """Return all that waits in the queue; the first of it may take until `timeout` [s] to come."""
+        """Return all that waits in the queue; the first of it may take until `timeout` [s] to come.
+
+        A device that has ended has None for a batch there.
+        """
         arrivals: list[tuple[str, Batch]] = []
         self.largest_backlog = max(self.largest_backlog, self._queue.qsize() - 1)
         try:

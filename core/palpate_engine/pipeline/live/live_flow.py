@@ -26,6 +26,8 @@ _MIN_ELAPSED = 1e-9  # [s]; a run in simulated time may take none: guards agains
 def run_live(flow: Flow) -> None:
     """Connect, stand still, get ready, move; until the arms are done or something stops the run.
 
+    `flow` has the rig, the function that takes its batches, and the request to stop; it gets the facts of the run.
+
     Raises the guard's error where it stopped the arms and nobody else had stopped the run before, or an arm does not
     stand.
     """

@@ -56,8 +56,8 @@ def check_tip_is_free(live: LiveRun) -> RetreatCheck | None:
         raise DeviceError(
             f"{port.signal.channel} gave no valid reading after the retreat of 0.5 mm: check the sensor and its cable"
         )
-    elapsed = (begin - live.guard.standstill_middle) / _SECOND + _LISTEN / 2
     # Between the middles of both stretches the zero may have drifted.
+    elapsed = (begin - live.guard.standstill_middle) / _SECOND + _LISTEN / 2
     check = replace(check, drift=live.rig.alignment.drift * elapsed)
     refuse_contact(check, port.signal.channel)
     return check

@@ -131,7 +131,7 @@ def measure_standstill(
     ways = np.sign(velocity) * (np.append(trace.height[last + 1 :], height) - event_height)
     way = max(float(ways.max()), abs(float(ways[-1])))
     spacing = float(np.median(np.diff(trace.time)))
-    return StandstillAfterEvent(abs(velocity), way, gap + spacing, movement)
+    return StandstillAfterEvent(speed=abs(velocity), way=way, resolution=gap + spacing, movement=movement)
 
 
 def _velocity_before(trace: BrakingTrace, event: float, planned: float) -> float:

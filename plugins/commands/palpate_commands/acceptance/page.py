@@ -203,6 +203,7 @@ def row_of(outcome: Outcome) -> tuple[str, ...]:
             "" if stop is None else _way(stop, allowed),
             verdict,
         )
+    # The spacing of the states may leave the deceleration open upwards: then it is a lower bound.
     is_bound = braking.deceleration_most >= _MIN_DECELERATION_RATIO * braking.deceleration
     return (
         visit.name,

@@ -49,7 +49,9 @@ def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str
     Opening the port has reset it. Nothing is stored in its EEPROM, whose writes are counted: after a reboot it is to
     be set up again.
     """
-    # To CONFIG, interface and filters, and to RUN.
+    # To CONFIG, interface and filters, and to RUN. Numbers of "c": temperature compensation, the sensor's calibration
+    # (1: on), binary frames (0), and the code of the baud rate; of "f": length of the sinc filter, chopping (0: off),
+    # the fast mode, and 1 without the FIR filter.
     greeting = _read_until(port, rb"FW version: [^\r\n]*[\r\n]", boot)
     compensation, fir = int(filters["temperature_compensation"]), int(not filters["fir"])
     _command(port, "C", "C", baud)

@@ -58,8 +58,9 @@ def pivot_of(flanges: Sequence[Floats]) -> Pivot:
 def check_tip(pivot: Pivot, tool: Floats, radius: float) -> float:
     """Return the distance [m] of a pivot from the place that a tool (4, 4) declares.
 
-    A ball in a hole turns about its centre, `radius` [m] behind the tip; that of a pointed tip is 0. Raises
-    ConfigurationError where the distance is over 1 mm, where the tip slid, or where the turns do not determine it.
+    A ball in a hole turns about its centre, `radius` [m] behind the tip along the tool's z axis; that of a pointed tip
+    is 0. Raises ConfigurationError where the distance is over 1 mm, where the tip slid, or where the turns do not
+    determine it.
     """
     if pivot.residual > _MAX_SLIDE:
         raise ConfigurationError(
