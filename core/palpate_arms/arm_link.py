@@ -163,7 +163,10 @@ class ArmLink:
         return self._approach.path(trajectory, self._limits)
 
     def follow(self, trajectory: Trajectory) -> None:
-        """Go to the first setpoint, then follow them all."""
+        """Have the arm go to the first setpoint of a motion, then follow them all; it goes on after this returns.
+
+        Raises DeviceError or ConfigurationError for a motion that is refused.
+        """
         self.approach_path(trajectory)  # refused where it is too far
         if not self._has_retreated:
             self.retreat(RETREAT, RETREAT_SPEED)  # the first motion of a connection shows that the arm obeys

@@ -53,8 +53,8 @@ class ArmLoop:
         self._law = ServoLaw(**settings["law"])
         work = WorkFrame.model_construct(**settings["work"])
         self._fence = Fence(settings["own"], work, robot.tool, robot.model, self._law.acceleration)
-        self._commander: Commander | None = None
-        self._eye: ForceEye | None = None
+        self._commander: Commander | None = None  # from the first state on
+        self._eye: ForceEye | None = None  # the force, once it is to be watched
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: MotionOffer | None = None  # a motion that is being checked
         self._cycles = 0

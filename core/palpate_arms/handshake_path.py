@@ -83,7 +83,10 @@ def outward_path(place: Floats, normal: Floats, way: float, law: ServoLaw, state
 def sideways_path(
     place: Floats, plane: StationPlane, centre: Floats, law: ServoLaw, stated: StatedArm
 ) -> HandshakePath:
-    """Return the path from a place (3,) [m]: a step along each lateral axis of a plane, towards the box's centre."""
+    """Return the path from a place (3,) [m]: a step along each lateral axis of a plane, towards the box's centre (3,).
+
+    A step is longer by the deadband that is `stated` of the arm; the `law` bounds its speed.
+    """
     # Two axes across the normal: the nearest to x, and the one across that.
     normal = plane.normal
     first = np.array([1.0, 0.0, 0.0]) - normal[0] * normal

@@ -51,6 +51,7 @@ class Lateness:
 def lateness_table(head: NDArray[np.int64]) -> dict[str, Any]:
     """Return cycles, mean rate [Hz], missed deadlines (later than a period), largest lateness and p99 [s], histogram.
 
+    `head` has the words that the loop keeps in shared memory: numbers, times [ns], and a count for each bin.
     "periods_lost" had no cycle at all; "periods_lost_to_host" passed while the loop slept and the host, which had been
     asked to wake it, did not.
     """

@@ -100,7 +100,8 @@ def write_setpoints(trajectory: Trajectory, axes: Floats | None = None) -> Itera
 
     Planes of a surface are looked up here, before anything moves: in the servo loop nothing is. `axes` (3, 3) are those
     of the work frame in the frame of a tool that is not turned.
-    On the disk, which may be full, not in memory: of a motion of hours the system may put aside what comes later.
+    The file is on the disk, which may be full, and not in memory: of a motion of hours the system may put aside what
+    comes later.
     """
     # A row for each whole period, piece by piece, so that little is held in memory.
     count, surface = int(np.floor(duration_of(trajectory) / PERIOD + _ROUNDING)) + 1, surface_of(trajectory)

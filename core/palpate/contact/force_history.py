@@ -111,7 +111,7 @@ def _step_count(model: ContactModel, time: Floats, depth: Floats, rate: Floats, 
     rows = np.linspace(0, len(depth) - 1, min(len(depth), _RATE_CHECKS)).astype(int)
     motion = casadi.DM(np.array([depth[rows], rate[rows]]))
     at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(theta[rows].T)
-    rates, fades = _function(model, 0)(at_rest, motion, values)
+    rates, fades = _function(model, 0)(at_rest, motion, values)  # of 0 steps: the rates, and whether states fade
     fastest = float(np.max(np.array(rates)))
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):

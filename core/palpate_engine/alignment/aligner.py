@@ -127,8 +127,18 @@ class Aligner:
         # Of a sweep one coordinate is enough: the other one stays at 0.
         unread_column = np.full(len(stamps), 0.0 if any(role in self._roles for role in _LATERAL) else np.nan)
         lateral = [self._roles[role].at(stamps) if role in self._roles else unread_column for role in _LATERAL]
-        motion = force, signals.height[:count], velocity, contact, measuring
-        return Samples(stamps, time, interval, *motion, np.column_stack(lateral), signals.curvature)
+        return Samples(
+            stamp=stamps,
+            time=time,
+            interval=interval,
+            force=force,
+            position=signals.height[:count],
+            velocity=velocity,
+            contact=contact,
+            active=measuring,
+            lateral=np.column_stack(lateral),
+            curvature=signals.curvature,
+        )
 
     def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
         """Return the velocity (n,) [m/s] at stamps (n,) [ns]; NaN at an end and next to a gap.

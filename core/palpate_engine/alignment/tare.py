@@ -49,7 +49,8 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
             '"none", a force, or a shorter tare_duration'
         )
     # Rounded once, so that a filter on another machine finds the same bits whatever order it adds in.
-    return Tare(math.fsum(force.tolist()) / len(force), spread / np.sqrt(len(force)), spread, end)
+    mean = math.fsum(force.tolist()) / len(force)
+    return Tare(offset=mean, offset_std=spread / np.sqrt(len(force)), noise=spread, until=end)
 
 
 def _before_contact(window: Samples) -> Samples | None:

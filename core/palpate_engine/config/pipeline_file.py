@@ -215,13 +215,14 @@ def _wrong_orientation(alignment: AlignmentSettings, models: Mapping[str, Contac
         problem = 'is needed for weight = "turning": weigh all that hangs behind the sensor'
         mistakes.append(Mistake(("alignment", "tip_mass"), problem))
     inclined = [name for name, model in models.items() if getattr(getattr(model, "skin", None), "inclination", 0.0)]
-    along = ("alignment", "surface" if alignment.normal is None else "normal")
+    # The key that states the direction along which the force counts.
+    direction_key = ("alignment", "surface" if alignment.normal is None else "normal")
     if alignment.is_projecting and inclined:
         problem = f"counts the inclination once more that [model.{inclined[0]}] skin states: leave one of them out"
-        mistakes.append(Mistake(along, problem))
+        mistakes.append(Mistake(direction_key, problem))
     if alignment.is_projecting and len(radii := sorted(sphere_radii(models))) > 1:
         problem = f"is that under one tip, and the models have spheres of {1e3 * radii[0]:g} and {1e3 * radii[-1]:g} mm"
-        mistakes.append(Mistake(along, problem))
+        mistakes.append(Mistake(direction_key, problem))
     return mistakes
 
 

@@ -247,7 +247,7 @@ def _layer(
 
     Raises ConfigurationError for a base without a stated thickness.
     """
-    value, std = facts.thickness, None
+    value, std = facts.thickness, None  # as they are written, with their units
     if value not in (None, HALF_SPACE):
         value, std = value_and_std(value, "m")
     # The laws are read before the first setting is made, for that changes the tables; None of a model without a layer.

@@ -216,9 +216,10 @@ def _other_parameters(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ..
 
 
 def start_tracks(pipeline: Pipeline, compares: bool | None = None) -> list[RunningTrack]:
-    """Return every track with a fresh tracker, with what compares them (of several, if not stated).
+    """Return every track with a fresh tracker, and a record of its samples and estimates.
 
-    Raises ConfigurationError where an estimator cannot start.
+    With `compares` each also keeps what tracks are compared by; if that is None, where there are several. Raises
+    ConfigurationError where an estimator cannot start.
     """
     kept = max(_KEPT_AVERAGES * pipeline.run.average, _MIN_KEPT)  # [s]
     is_over_a_surface = pipeline.alignment.surface is not None

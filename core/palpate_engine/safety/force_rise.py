@@ -66,8 +66,8 @@ class RiseWatch:
         """Return why the force is not to be believed, after readings (n,) [N] that push out, at a time [s]; None where
         it is.
 
-        `way` [m] of the tip inwards, from anywhere, and what was `commanded` of it, NaN if not known; `place` [m] of
-        the tip.
+        The tip has gone a `way` [m] inwards, counted from any one place, of which `commanded` [m] were commanded, NaN
+        if that is not known; it is at a `place` (3,) [m].
         """
         if not len(forces):
             return None
@@ -96,7 +96,7 @@ class RiseWatch:
         """Return why the noise in contact is not that of a sensor that measures; None where it is, or of fewer than 100
         readings.
 
-        The noise is the mean square of second differences, from which a smooth rise drops out.
+        The noise is the root mean square of second differences [N], from which a smooth rise drops out.
         """
         usual = self._sound.roughness
         second = np.diff(readings, _DIFFERENCES)

@@ -212,4 +212,5 @@ def state_after_run(arm: WatchedArm, seed: int) -> StateAfterRun:
     finite_heights = [height for height in heights if np.isfinite(height)]
     if not finite_heights:
         raise MissedError(failure or "the arm sent no states after the run")
-    return StateAfterRun(finite_heights[-1], max(finite_heights) - min(finite_heights), mode)
+    movement = max(finite_heights) - min(finite_heights)
+    return StateAfterRun(height=finite_heights[-1], movement=movement, mode=mode)

@@ -33,7 +33,11 @@ class URByHand:
     def __init__(
         self, address: str, model: str, tcp: Sequence[float], rotation: Sequence[float] | None, weighs: bool
     ) -> None:
-        """Connect to a controller to read poses, and the wrench where the flange is weighed; raises DeviceError."""
+        """Connect to a controller to read poses, and the wrench where the flange is weighed (`weighs`).
+
+        The pipeline states the `model` of the arm, and of the tool the place `tcp` (3,) [m] of its tip on the flange,
+        and perhaps its rotation vector (3,) [rad]. Raises DeviceError.
+        """
         self._name = f"ur at {address}"
         try:
             self.facts = host().controller_facts(address, probe)
