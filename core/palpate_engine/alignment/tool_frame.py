@@ -211,7 +211,7 @@ def quaternions(turns: Mapping[str, Floats], order: str | None) -> tuple[Floats,
     assert order is not None  # the wiring was checked
     angles = {"x": turns["roll"], "y": turns["pitch"], "z": turns["yaw"]}
     zero = np.zeros_like(turns["roll"])
-    quaternion = zero, zero, zero, zero + 1.0
+    quaternion = zero, zero, zero, zero + 1.0  # no turn
     for axis in order.lower() if order.isupper() else reversed(order):
         half = 0.5 * angles[axis]
         sine = [np.sin(half) if axis == other_axis else zero for other_axis in "xyz"]

@@ -72,6 +72,7 @@ def _run(
     started = datetime.now(UTC).astimezone()  # the day on which it is made, also in simulated time
     folder = make_folder(pipeline.run.name, out, started)
     facts = provenance.result() | lift | rehearsal_facts(pipeline, rehearsal)
+    # `begun` is set at the first batch; `room` is a file that keeps place on the disk for the end of the run.
     with remove_refused_folder(folder) as begun, interruptible() as interrupt, closing_reserve(folder, live) as room:
         work = _RunContext(
             pipeline=pipeline,

@@ -39,7 +39,7 @@ class Keeper:
         if not len(rows):
             return
         measured = (samples.time, samples.force, samples.position, samples.velocity, *samples.lateral.T)
-        columns = (*measured, used, estimates.surface, estimates.innovation)
+        columns = (*measured, used, estimates.surface, estimates.innovation)  # in the order of `_COLUMNS`
         # Block by block: of all blocks every `stride`-th is kept.
         while len(rows):
             number, place = divmod(self._count, _BLOCK_SIZE)

@@ -152,10 +152,11 @@ def _predictable_rows(samples: Samples, measured: Floats) -> NDArray[np.bool_]:
 
 
 def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) -> Floats:
-    """Return the force (n,) [N] of the model at the measured motion with the estimates (n, k + 1) one sample before.
+    """Return the force (n,) [N] of the model at the measured motion with the estimates one sample before.
 
-    A model with memory is integrated along the measured motion from the first active sample, before the first estimate
-    with that. NaN without an estimate, where the model raises, and where its force is not finite.
+    `estimates` (n, k + 1) are the k parameters, then the height of the surface [m]. A model with memory is integrated
+    along the measured motion from the first active sample, before the first estimate with that. NaN without an
+    estimate, where the model raises, and where its force is not finite.
     """
     force = np.full(len(samples), np.nan)
     previous = np.vstack([np.full_like(estimates[:1], np.nan), estimates[:-1]])
@@ -165,6 +166,7 @@ def predicted_force(model: ContactModel, samples: Samples, estimates: Floats) ->
     # Stretches of contact, each with the estimate of the sample before; an unknown one is the next that is known.
     source = np.minimum.accumulate(np.where(is_known, np.arange(len(is_known)), len(is_known))[::-1])[::-1]
     usable = samples.active & np.isfinite(samples.position) & np.isfinite(samples.velocity) & (source < len(is_known))
+    # Rows at which a stretch begins and ends, in turn.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
     for begin, end in edges.reshape(-1, 2):
         rows = slice(int(begin), int(end))

@@ -101,7 +101,7 @@ def joint_type(channels: Sequence[str]) -> MessageType:
 
 
 def message_type(schema_name: str, definition: str) -> MessageType | None:
-    """Return the type of a recorded schema if it is of this family, else None."""
+    """Return the type of a recorded schema: a standard one, or a header and float64 numbers; None of any other."""
     parts = schema_name.split("/")
     name = f"{parts[0]}/msg/{parts[-1]}"  # schema names come with and without /msg/
     for standard in STANDARD.values():
