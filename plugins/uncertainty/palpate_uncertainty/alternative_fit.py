@@ -58,11 +58,12 @@ def no_change(course: Course) -> ModelAlternative:
 
 
 def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change) -> Refit:
-    """Return a course's model, changed by `make`, fitted from parameters (k,) and a surface [m] on.
+    """Fit a course's model, changed by `make`, by least squares from parameters (k,) and a surface [m] on.
 
-    The unknowns x are the parameters, the shift of the surface and the alternative's extra numbers, each over its
-    scale. The search sees at most 3000 of the fitted samples, evenly spread; the residual is of all of them. A model
-    with memory runs over every sample of the course, and only its residual is thinned.
+    `course` has the samples in contact, with their model and smoothed motion. The unknowns x are the parameters, the
+    shift of the surface and the alternative's extra numbers, each over its scale. The search sees at most 3000 of the
+    fitted samples, evenly spread; the residual is of all of them. A model with memory runs over every sample of the
+    course, and only its residual is thinned.
     """
     from palpate_kit.numerics.least_squares import least_squares, normal_by_differences
 
@@ -70,7 +71,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     thinned = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     alternative = make(thinned)
     rows = np.flatnonzero(thinned.used)
-    rows = rows[:: max(1, -(-len(rows) // _MAX_SAMPLES))]
+    rows = rows[:: max(1, -(-len(rows) // _MAX_SAMPLES))]  # the quotient is rounded up
     scale, start, lower, upper = _scaled_range(course, theta, alternative)
 
     def numbers(x: Floats) -> tuple[Floats, float, Floats]:
@@ -109,7 +110,8 @@ def _scaled_range(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return scale, start, lower and upper bound (p,) of a refit's unknowns, the last three over the scale.
 
-    The scale of a parameter is its value at the start, that of an extra number the range between its bounds.
+    The unknowns are the parameters, the shift of the surface, and the alternative's extra numbers. The scale of a
+    parameter is its value at the start, or 1 for a value of 0; that of an extra number is the range of its bounds.
     """
     sizes = np.where(theta != 0, np.abs(theta), 1.0)
     ranges = np.subtract(alternative.upper, alternative.lower)

@@ -32,7 +32,10 @@ def assumptions(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
-    """Return the assumptions of one track; empty if it has no sensitivity to any of them."""
+    """Return the assumptions of one track; empty if it has no sensitivity to any of them.
+
+    `percent` has, by assumption and value, the change of the value by 1 % of the assumed number.
+    """
     sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
     if sensitivity is None:
         return {}
@@ -45,7 +48,8 @@ def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
     if not percent:
         return {}
     table: dict[str, Any] = {"percent": percent}
-    # The stiffness of the robot and the thickness from which on they do not matter; the skin's shape.
+    # The stiffness k of the robot above which the values change by less than 1 %: its compliance 1/k changes them by
+    # share/k per cent. The same for the thickness of the specimen (5 %), and the shape of the skin.
     if end.settings.series_stiffness is None and sensitivity.given_way is not None:
         shares = _percent(sensitivity, -sensitivity.given_way)  # per m/N
         table["rigid_above"] = {name: abs(share) / (100.0 * SHARE) for name, share in shares.items()}
@@ -64,7 +68,7 @@ def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
 def _of_the_skin(track: TrackEvidence) -> dict[str, Any]:
     """Return the inclination [rad], and the radius [m] of a skin, that move an elasticity by 1 %.
 
-    Only a note that it is stated, if it is, or if the pipeline has a surface.
+    Where the pipeline states the skin or a surface, the table only says so.
 
     A tip that slides on an inclination t has cos(t)^(p + 1) of the force, which is proportional to d^p: p = d a/A, a
     the contact radius and A the profile area. A curvature k of the skin adds k r^2/2 to the profile of the tip, and
@@ -96,8 +100,9 @@ def _errors(sensitivity: Along, declared: Mapping[str, Any]) -> Iterator[tuple[s
 def _percent(sensitivity: Along, error: Floats, path: tuple[str, ...] = ()) -> dict[str, float]:
     """Return by how many per cent an error (n,) [N] of the force moves each value, with its sign.
 
-    A number of the model, at `path`, moves what follows from the parameters by itself as well. Empty where parameters
-    and surface are indistinct.
+    `path` are the keys of the number of the model that is in error, if it is one: what is derived from the parameters,
+    such as a modulus, also depends on this number itself. Empty where the samples do not distinguish parameters and
+    surface.
     """
     shifts = sensitivity.answer(error)
     if shifts is None:

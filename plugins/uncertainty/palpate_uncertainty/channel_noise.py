@@ -91,7 +91,11 @@ def _excess(noise: Floats, coefficients: Floats) -> float:
 
 
 def _burg(values: Floats, max_order: int) -> list[tuple[Floats, float]]:
-    """Return the coefficients (p,) and the power of the whitened noise, for the orders 1 to `max_order`."""
+    """Return the coefficients (p,) and the power of the whitened noise, for the orders 1 to `max_order`.
+
+    By Burg's recursion (1968): each order adds the reflection coefficient 2 f.b/(f.f + b.b), f and b the errors of the
+    forward and backward predictions of the order before.
+    """
     forward, backward = values[1:], values[:-1]
     coefficients, power = np.zeros(0), float(values @ values) / len(values)
     autoregressions = []

@@ -69,7 +69,10 @@ def choose(
 def _of_source(
     path: Path, requested: Sequence[str], where: str | None, overrides: Sequence[str]
 ) -> Iterator[Candidate]:
-    """Yield every model on a record, or on each curve of a folder of fits that is not rejected; raises UserError."""
+    """Yield every model on a record, or on each curve of a folder of fits that is not rejected; raises UserError.
+
+    `requested` are the names of the models, `where` is a condition on the curves, `overrides` change the pipeline.
+    """
     if not is_fit_folder(path):
         if where is not None:
             raise ConfigurationError(f"--where: {path} is not a folder of fits of many curves")
@@ -117,10 +120,14 @@ def _blocks(pipeline: Pipeline, place: int, samples: Samples) -> Floats:
 
 
 def _candidate(record: str, model: str, track: TrackResult, blocks: Floats) -> Candidate:
-    """Return one model on one record, by its track's result and the errors of its held-out blocks (4,) [N]."""
+    """Return one model on one record, by its track's result and the RMS errors of its held-out blocks (4,) [N].
+
+    The elasticity is a parameter of the model, or derived from its parameters.
+    """
     report, elasticity = track.report, track.parameters.get("elasticity")
     elasticity = elasticity or next((item.found for item in track.derived if item.name == "elasticity"), None)
     is_estimated = elasticity is not None and np.isfinite(elasticity.value)
+    # The share of the samples that count as independent.
     bic, share = np.nan, 1.0
     if report is not None and report.bic is not None:
         bic, share = report.bic, min((report.effective_samples or report.samples) / max(report.samples, 1), 1.0)
@@ -188,7 +195,7 @@ def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Sou
 
 
 def _table(standings: Sequence[ModelStanding]) -> Table:
-    """Return the table of models on the screen."""
+    """Return the table of models on the screen; "behind" is a BIC less that of the best model."""
     unit, factor = display_unit("Pa")
     rows = [
         [

@@ -27,6 +27,7 @@ class DirectedTest:
 def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null) -> dict[str, DirectedTest]:
     """Return, by reason, the test of each alternative that adds numbers to the model.
 
+    `base` is the model fitted as it is, `others` are the fitted alternatives, `null` is the noise of the channel.
     Under the model an alternative of m more numbers takes a chi square of m degrees of freedom from the sum of squares
     of the whitened residuals over their variance (Wilks 1938). This shows a pattern below the noise of single samples,
     which means over bins or lags miss. The variance of slow means that the null leaves open divides it.

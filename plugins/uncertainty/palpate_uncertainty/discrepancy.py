@@ -118,6 +118,7 @@ def judge_misfit(
     finding, if that moves a value beyond its uncertainty, this row included. `is_layer` states that the model has a
     layer of a stated height.
     """
+    # Standard uncertainties by the misfit: of the parameters, in their order, and of the surface [m].
     names = [parameter.name for parameter in parameters]
     *uncertainties, surface = misfit.uncertainty(parameters).tolist()
     row = dict(zip(names, uncertainties, strict=True))
@@ -148,7 +149,10 @@ def _no_law(misfit: Misfit, names: Sequence[str]) -> Flag:
 def _of_the_material(
     misfit: Misfit, parameters: Sequence[Parameter], row: Mapping[str, float], remark: str
 ) -> list[Flag]:
-    """Return the note on a misfit of the material, and a finding if its likeliest cause acts as a viscosity does."""
+    """Return the note on a misfit of the material, and a finding if its likeliest cause acts as a viscosity does.
+
+    `row` has the standard uncertainty by the misfit, by parameter; `remark` ends the note.
+    """
     level = f"p {misfit.p:.0e}" if misfit.p > _SHOWN_P else "p < 1e-99"
     likely = "no alternative explains it"
     if misfit.causes:
@@ -156,7 +160,7 @@ def _of_the_material(
     text = f"the residual is not the noise of the channel ({level}); {likely}{remark}"
     suspects = tuple(dict.fromkeys(map(cause_label, misfit.causes)))
     flags = [Flag("model-discrepancy", text, effects=row, suspects=suspects)]
-    for name in misfit.causes[:1]:
+    for name in misfit.causes[:1]:  # the likeliest, if there is one
         cause = cause_of(name)
         if cause.moves:
             viscous = [parameter.name for parameter in parameters if parameter.role == "viscous"]

@@ -48,6 +48,7 @@ class ForceNoise:
         air = air_readings(track)
         if air is None:
             return upper_band(residual, track.kept.force)
+        # The autoregression of the readings in air, and their standard deviation.
         null, std = null_of(air), float(np.std(air, ddof=1))
         # Readings in steps add noise that the air need not show.
         steps, digit = np.abs(np.diff(track.kept.force)), LastDigit.of(track.kept.force)
@@ -86,7 +87,7 @@ def air_readings(track: TrackEvidence) -> Floats | None:
     if len(time) < MIN_READINGS:
         return None
     count = standstill_count(time, height)
-    if count < MIN_READINGS or time[count - 1] - time[0] < AIR:
+    if count < MIN_READINGS or time[count - 1] - time[0] < AIR:  # else the way in, down to 5 % of the way in contact
         kept = track.kept.position
         way = track.surface - float(np.nanmin(kept)) if len(kept) else 0.0
         is_near = height < track.surface + _AIR_HEIGHT_SHARE * way

@@ -78,7 +78,7 @@ def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     force, time = standstill_force[is_finite], track.air_time[: len(is_finite)][is_finite]
     if motion is None or len(force) < _MIN_SAMPLES or motion[0] * (time[-1] - time[0]) < _MIN_CYCLES:
         return
-    # Amplitude at standstill.
+    # Amplitude at standstill; `oscillation` returns frequency [Hz] and phases.
     frequency = motion[0]
     angle = 2.0 * np.pi * frequency * time
     weights, errors = _regression(np.column_stack([np.sin(angle), np.cos(angle)]), force)
@@ -106,7 +106,10 @@ class _MotionForce:
 
     @classmethod
     def of(cls, track: TrackEvidence) -> _MotionForce:
-        """Fit by least squares over the air before the first contact and after the last, each with its own zero."""
+        """Fit by least squares over the air before the first contact and after the last, each with its own zero.
+
+        All weights are 0 where the air is too short, or its motion does not distinguish them.
+        """
         # Before a touch is noticed the tip is in the material already.
         air_before = _Air(track.air_time, track.air_force, track.air_position)
         before = _above(track, air_before, _MIN_HEIGHT_SHARE * _largest_depth(track))
@@ -114,6 +117,7 @@ class _MotionForce:
         # Force without inertia, speed and height of each stretch of air that has samples.
         stretches = [_inertia_free(track, air) for air in (before, after)]
         stretches = [stretch for stretch in stretches if len(stretch[0])]
+        # Weights with speed and height, their errors, and the reference height.
         no_force = cls(np.zeros(2), np.zeros(2), 0.0)
         if sum(len(force) for force, _, _ in stretches) < _MIN_SAMPLES:
             return no_force

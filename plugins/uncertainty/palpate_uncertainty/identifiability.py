@@ -53,7 +53,7 @@ class _RefitComparison:
         bound, correlation, without_effect = bounds_of_refit(course, best)
         names = [parameter.name for parameter in track.model.parameters]
         distance = np.abs(best.theta - track.values)
-        is_free = np.isfinite(track.combined) & (track.std > 0)
+        is_free = np.isfinite(track.combined) & (track.std > 0)  # a value that is held fixed has no deviation
         return cls(
             names=names,
             estimate=best.theta,
@@ -99,7 +99,8 @@ def _judge_point(track: TrackEvidence, course: Course) -> Diagnosed:
     names, is_free = comparison.names, comparison.is_free
     distance, bound = comparison.distance, comparison.bound
 
-    # The distance of least squares, from one combined uncertainty on.
+    # The distance of least squares, from one combined uncertainty on. One that is flagged is also beyond the chance of
+    # least squares itself: three times the bound.
     is_elsewhere = is_free & (distance > _FLAGGED_DISTANCE * track.combined)
     is_elsewhere &= distance > _FLAGGED_DISTANCE * np.minimum(bound, distance)
     is_counted = is_elsewhere | (is_free & (distance > _COUNTED_DISTANCE * track.combined))
@@ -148,7 +149,11 @@ def _elsewhere_flag(track: TrackEvidence, comparison: _RefitComparison, is_elsew
 def _overconfident_flag(
     track: TrackEvidence, comparison: _RefitComparison, is_short: NDArray[np.bool_], lack: Floats
 ) -> Flag:
-    """Return the flag of standard deviations below the bound, and of parameters that the force does not depend on."""
+    """Return the flag of standard deviations below the bound, and of parameters that the force does not depend on.
+
+    `is_short` (k,) are the deviations below half of the bound, `lack` (k,) is what they lack of it, as a root of
+    variances.
+    """
     claims: list[str] = []
     for i in np.flatnonzero(is_short):
         scale = 100.0 / max(abs(float(track.values[i])), _SMALLEST_VALUE)  # per cent of the value
@@ -229,7 +234,7 @@ def _range_text(track: TrackEvidence, is_uneven: NDArray[np.bool_], ranges: Mapp
 
 
 def _stretches(track: TrackEvidence, course: Course) -> tuple[Floats, Floats]:
-    """Return least squares less the values (m, k), and their bounds (m, k), on each stretch of a sweep."""
+    """Return least squares less the track's values (m, k), and its Cramer-Rao bounds (m, k), on m stretches of 2 s."""
     rows = np.flatnonzero(course.used)
     elapsed = course.time[rows] - course.time[rows[0]]
     last = max(int(elapsed[-1] / _STRETCH_DURATION) - 1, 0)  # takes what remains of the time

@@ -108,7 +108,11 @@ def _finding(track: TrackEvidence, across: AcrossForce) -> Diagnosed:
 
 
 def _flag(track: TrackEvidence, across: AcrossForce, angles: Floats) -> Flag:
-    """Return the flag of an inclination that is not the stated one, with its largest effect on the values."""
+    """Return the flag of an inclination that is not the stated one, with its largest effect on the values.
+
+    `angles` (m,) [rad] are the inclinations that the force across the tool allows, from that of a tip that slides to
+    that of one that friction holds.
+    """
     low, high = across.stated
     power, skin = _power(across), getattr(across.model, "skin", None)
     # The force along the tool at the stated inclination t: cos(t)^(p + 1) (1 + s m tan(t)^2) of that on a level skin.

@@ -45,7 +45,7 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     findings = {}
     # Fits first, so that their judgement is shared by the filters of the same model.
     for track in sorted(tracks, key=_is_fit, reverse=True):
-        key = id(track.model) if judges_all(track) else id(track)
+        key = id(track.model) if judges_all(track) else id(track)  # tracks of one model have the same object
         finding = judgements.get(key) or _with_open_noise(track, _judged(track))
         if finding is None:
             continue
@@ -119,7 +119,7 @@ def _residual_judgement(track: TrackEvidence, tests: ResidualTests) -> Diagnosed
 
 
 def _refit_judgement(track: TrackEvidence, base: RefittedModel) -> Diagnosed:
-    """Return the judgement by the model fitted again, and for a fit by its own residual where that counts more."""
+    """Return the judgement by the model fitted again, `base`, and for a fit by its own residual if that has less p."""
     variance = float(np.var(base.fit.residual))
     test = base.test(base.fit.residual)
     if _is_fit(track):

@@ -47,6 +47,7 @@ def motion_table(track: TrackEvidence) -> dict[str, Any]:
         table: dict[str, Any] = {"frequency": frequency, "depth": turns(time, depth, frequency)}
     else:
         speed = approach_speed(time, depth)
+        # A press whose first sample is close to the touch began at depth 0.
         shallowest = float(np.min(depth)) if np.min(depth) > AT_TOUCH * _max(depth) else 0.0
         table = ({} if speed is None else {"speed": speed}) | {"depth": [shallowest, _max(depth)]}
     if getattr(track.model, "thickness", None) == "half-space" and (thick := _half_space(track)) is not None:

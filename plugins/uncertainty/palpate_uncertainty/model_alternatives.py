@@ -100,7 +100,10 @@ def _timing(course: Course) -> ModelAlternative:
 
 
 def _drift(course: Course) -> ModelAlternative:
-    """Return a force that drifts from the first contact on; where there was no air before it, from anywhere."""
+    """Return the model's force with a drift x[0] [N] over the record, in proportion to time.
+
+    In a record that begins in contact the drift has begun before, at an unknown zero x[1] [N].
+    """
     elapsed = (course.time - course.begin) / course.span
     largest = float(np.max(np.abs(course.force[course.used])))
     if course.from_air:
@@ -174,7 +177,8 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> ModelAlternative:
     With c(X) = 1 + 1.133 X + 1.283 X^2 + 0.769 X^3 + 0.0975 X^4 (Dimitriadis et al. 2002, eq. 13) the elastic force
     F(d) becomes c F, and its slope F' becomes c F' + c' F: a viscous force, which is proportional to the slope, is
     multiplied by c + c' F/F'. X is the contact radius over the thickness. The contact radius is the slope of the
-    elastic force of the parameters `unit` but for a constant, so the extra number is X at the mean depth.
+    elastic force of the parameters `unit` (k,) but for a constant, so the extra number is X at the mean depth, where
+    that force has the slope of `shape`.
     """
     c1, c2, c3, c4 = BONDED_COEFFICIENTS
 
@@ -203,7 +207,8 @@ def _tip(course: Course, elastic: list[int], shape: _Shape) -> ModelAlternative:
 
     With the model's F ~ d^p the elastic force becomes (d/d_mean)^q F, q the extra number, whose slope is
     (d/d_mean)^q (1 + q/p) F'; a viscous force is proportional to the slope. Which tip that is, is not known: the
-    elastic parameters may be what the force, or what its slope, at the mean depth would need in the model.
+    elastic parameters, at the indexes `elastic`, may be what the force, or what its slope, at the mean depth would need
+    in the model. `shape` has the mean depth and the model's power p there.
     """
 
     def force(theta: Floats, surface: float, extra: Floats) -> Floats:

@@ -73,7 +73,10 @@ class _Evidence:
 
 
 def _group_findings(group: list[TrackEvidence], candidates: tuple[str, ...]) -> dict[str, Diagnosed]:
-    """Return the findings on the tracks of one estimator, by name."""
+    """Return the findings on the tracks of one estimator, by name; `candidates` are the models of the [choice] table.
+
+    Each track of the group has another of these models.
+    """
     evidence = [_evidence(track) for track in group]
     bic = np.array([item.bic for item in evidence])
     best = evidence[int(np.argmin(bic))]

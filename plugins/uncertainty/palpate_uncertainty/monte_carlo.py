@@ -91,6 +91,7 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
         run_pipeline(pipeline, Path(folder) / "replay", report_progress, kept)
     samples = Samples.joined(kept.blocks)
     result = RunFolder(run).result
+    # The weight of a mass behind the sensor, along the tool; its tables are empty for a tool that was not turned.
     turned = result["run"].get("turned_tool", {})
     weight = weight_per_mass(pipeline.alignment, turned.get("along", 0.0), turned.get("weight", 0.0))
     tracks_of, names = result["tracks"], [track.name for track in pipeline.tracks]
@@ -98,7 +99,10 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
 
 
 def _case(run: Path, pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples, weight: float) -> Case:
-    """Return the track of a name, with its rows and its covariance by the run's result."""
+    """Return the track of a name, with the rows of its budget and its covariance by the run's result.
+
+    `weight` [N/kg] is that of a mass behind the sensor.
+    """
     track = next(candidate for candidate in pipeline.tracks if candidate.name == name)
     settings = pipeline.alignment
     standstill = pipeline.safety.standstill if pipeline.safety else None
@@ -169,7 +173,7 @@ def _draw(case: Case, random: np.random.Generator) -> Floats:
     """Return the values (k,) of one draw: the estimate with every input changed, plus the effects without an input.
 
     Each row of the budget is drawn once, in its order: by its effect alone, as a change of the samples, or of a number
-    of the model. NaN where nothing is estimated.
+    of the model, whose key is then the name of the cause. NaN where nothing is estimated.
     """
     model, samples, mass = case.model, case.samples, case.problem.tip_mass
     effects = np.zeros(len(case.names))
@@ -238,6 +242,7 @@ def _changed(samples: Samples, cause: str, size: float) -> Samples:
         case "compliance":  # the robot is displaced by F/k
             rate = size * _slope(samples)
             return replace(samples, position=samples.position + size * force, velocity=samples.velocity + rate)
+    # The scale of the position: heights grow from the highest one, which stays.
     fixed = float(np.nanmax(samples.position))
     height = fixed + (samples.position - fixed) * (1 + size)
     return replace(samples, position=height, velocity=samples.velocity * (1 + size))

@@ -96,7 +96,11 @@ def open_facts(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _thickness(track: _OpenTrack) -> Iterator[Condition]:
-    """Yield the half-space of a specimen of no stated thickness; the alternative is a bonded layer."""
+    """Yield the half-space of a specimen of no stated thickness; the alternative is a bonded layer.
+
+    A layer is stiffer than a half-space by a share that grows with contact radius over height: with one, all values
+    that the force is proportional to would be smaller.
+    """
     model = track.evidence.model
     needed = half_space_from(track.evidence)
     if getattr(model, "thickness", None) is not None or needed is None:
@@ -147,6 +151,7 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
     """Yield the simultaneity of force and motion whose timing is not declared."""
     if track.end.settings.timing_uncertainty is not None or "timing" in track.end.included:
         return
+    # If the force is late, the values are those without the shift by the delay.
     shifts = -delay_shifts(track.evidence.model, track.sensitivity, track.evidence.values)
     per_ms: list[str] = []
     for parameter, shift in zip(track.evidence.model.parameters, shifts.tolist(), strict=True):
@@ -167,7 +172,7 @@ def _delay(track: _OpenTrack) -> Iterator[Condition]:
 def _tare(track: _OpenTrack) -> Iterator[Condition]:
     """Yield the zero of a force: found by a fit without air, or assumed where no standstill determines it."""
     if (zero := zero_without_air(track.evidence)) is not None and track.end.settings.force_zero == "open":
-        higher = ZERO * (zero.random or 0.0)
+        higher = ZERO * (zero.random or 0.0)  # [N], standard uncertainties by noise
         yield Condition(
             fact="tare",
             text=f"zero of the force at {zero.value:+.3g} N, found with the surface",
@@ -181,7 +186,7 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
     is_determined = "tare" in track.end.included or (tare is not None and tare.offset_std is not None)
     if sensitivity is None or is_determined:
         return
-    offset = TARE * float(np.max(np.abs(sensitivity.force)))
+    offset = TARE * float(np.max(np.abs(sensitivity.force)))  # [N] of the zero, 2 % of the largest force
     yield Condition(
         fact="tare",
         text="no force without contact",

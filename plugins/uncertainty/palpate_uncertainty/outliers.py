@@ -61,7 +61,8 @@ def spikes_of(force: Floats, judged: NDArray[np.bool_], noise: float = 0.0) -> F
     least_step = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     size = MEDIAN_TO_STD * float(np.median(np.abs(np.diff(force, 2))))
     scale = max(size / np.sqrt(_SECOND_DIFFERENCE_VARIANCE), least_step, noise)
-    # A fast motion is not a spike: what neighbouring readings do as well.
+    # A fast motion is not a spike, as the neighbouring readings change by it as well: within the reach of the median
+    # the force moves by its slope times the reach, and twice that is allowed (choice).
     limit = _SIGNIFICANT * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return distance[judged & (np.abs(distance) > limit)] if scale > 0 else np.zeros(0)
 

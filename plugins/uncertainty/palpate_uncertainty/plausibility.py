@@ -52,6 +52,7 @@ def ending_flags(end: TrackEnd, kept: SampleStore, model: ContactModel, online: 
     """Yield the flags of the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
+    `online` is True for an estimator by recursion, `fitted` for a fit; `kept` are samples of the whole track.
     """
     tail, last = end.tail, end.last
     yield from _unit_flags(last, model)
@@ -80,7 +81,8 @@ def _unit_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     """Yield a flag where the estimates have not settled, and those of the innovations.
 
-    On a sweep estimates follow the material from place to place and never settle.
+    The result is a mean over the last seconds, and a track of less than twice as many has not settled. On a sweep
+    estimates follow the material from place to place and never settle.
     """
     tail, last, tracked = end.tail, end.last, end.tracked
     if tracked < 2 * end.average or len(tail.time) < _MIN_TAIL:

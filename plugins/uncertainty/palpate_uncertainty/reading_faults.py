@@ -33,6 +33,7 @@ def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def velocity_flags(track: TrackEvidence, end: TrackEnd, sensitivity: Along | None) -> Iterator[Flag]:
     """Yield the flag of a velocity that lags the position, with its effect by the motion that the estimator uses.
 
+    `sensitivity` has the derivatives of the model's force along the last samples, which give the size of the effect.
     For an estimator that uses the velocity alone, the motion is late: theta shifts as with a delay of the force of the
     other sign. If it uses the position as well, only the rate is late: f = -dF/dd' d'' tau.
     """

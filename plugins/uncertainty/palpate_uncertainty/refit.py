@@ -192,7 +192,10 @@ class _SmoothMotion(NamedTuple):
 
 @lru_cache(maxsize=2)  # several diagnoses of a track ask
 def _motion(kept: SampleStore) -> _SmoothMotion:
-    """Return the smoothed motion of kept samples, and True for those that are neither at an end nor at a corner."""
+    """Return the smoothed motion of kept samples, and True for those that are neither at an end nor at a corner.
+
+    `runs` numbers the stretches without a gap; differences and windows never reach beyond one.
+    """
     runs, acceleration = kept.runs, np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
     if len(kept.time) > 2 * k:
@@ -202,7 +205,8 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
         acceleration[k:-k] = change / span
     height, height_noise, corners = _quiet(kept.position, runs)
     rate, rate_noise, jerks = _quiet(-kept.velocity, runs)
-    # Not the slope that the inertia is taken off by: its noise would make a force that is late.
+    # A slope of its own, of the smoothed rate: with the noise of the acceleration that gives the inertia, the force
+    # would look late.
     smooth = _slopes(rate, kept.time, runs)
     is_usable = np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
     is_usable &= ~kept.hesitating & ~corners & ~jerks

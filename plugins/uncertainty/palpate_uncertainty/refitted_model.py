@@ -262,6 +262,7 @@ def _explanations(
     explanations = {}
     for other in refitted.others:
         gain = count * max(variance - float(np.var(other.residual)), 0.0) / noise_variance
+        # By the farthest of the values that the parameters may have under the alternative.
         shifts = np.max(np.abs(other.candidates - refitted.fit.theta), axis=0)
         if other.reason and gain > 0:
             chance = chance_of_more(max(other.extra, 1), gain)

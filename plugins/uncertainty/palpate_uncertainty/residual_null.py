@@ -34,10 +34,15 @@ class ResidualNull:
     stated: Floats = field(default_factory=lambda: np.zeros((1, 0)))  # (n, s) [N] one u of each stated quantity
 
     def covariance(self, weights: Floats) -> Floats:
-        """Return the covariance (m, m) [N^2] of the sums of weights (n, m) times the residual."""
+        """Return the covariance (m, m) [N^2] of the sums of weights (n, m) times the residual.
+
+        Three parts add up: the noise of the force, that of the motion, and the errors of stated quantities. Coloured
+        noise acts by its spectrum: the covariance is the sum over frequencies of the transformed weights' products.
+        """
         columns = weights.T
         if len(self.force.coefficients):
             n = transform_points(len(weights))
+            # A real transform has each frequency but 0 and the highest for both signs.
             both = np.full(n // 2 + 1, 2.0)
             both[[0, -1]] = 1.0
             waves = np.fft.rfft(columns, n) * np.sqrt(both * self.force.spectrum(n) / n)

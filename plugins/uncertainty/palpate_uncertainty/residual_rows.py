@@ -74,12 +74,14 @@ class JudgedRows:
 
     @classmethod
     def of(cls, track: TrackEvidence, course: Course) -> JudgedRows:
-        """Return the rows of a course, and the air of its track."""
+        """Return the fitted samples of a course in contact, then those of its track in the air."""
         used = course.used
         force, jacobian, by_depth, by_rate = slopes_of(course, track.values, track.surface)
+        # Of the air; `bend` is the acceleration, `read` the force as it was read.
         time, depth, rate, bend, read = _air(track, float(np.max(course.depth(track.surface)[used])))
 
         def whole(inside: Floats, outside: Any = 0.0) -> Floats:
+            """Return the values in contact, then those in the air; a number holds for all of the air."""
             return np.concatenate([inside, np.zeros((len(time), *inside.shape[1:])) + outside])
 
         return cls(
@@ -127,7 +129,10 @@ class JudgedRows:
                 yield name, column, (unknowns[name].std or 0.0) if name in unknowns else 0.0
 
     def stated(self) -> Iterator[Floats]:
-        """Yield the force (n,) [N] by one standard uncertainty of each quantity that is not exactly known."""
+        """Yield the force (n,) [N] by one standard uncertainty of each quantity that is not exactly known.
+
+        These are the numbers that are held fixed, delay, zero, rounding, mass, mount and drift.
+        """
         yield from (std * column for _, column, std in self._fixed() if std)
         end, mass = self.track.ending, self.track.tip_mass
         if end is None:
@@ -214,6 +219,7 @@ class JudgedRows:
         yield "another tip", _TYPICAL_POWER, elastic * np.log(np.maximum(part, _MIN_PART))
         yield "thickness", _TYPICAL_STIFFENING, elastic * part
         yield "stiffness that changes", _TYPICAL_FADING, elastic * self._since
+        # Time in parts of the record, from its middle: the mean shift is in the surface that was fitted.
         yield "surface moved", _TYPICAL_SHIFT * deepest, self.by_depth * (self._since - 0.5)
         steps = bins_of(np.where(self.contact, self.time, np.nan), _TIME_STEPS)
         yield "surface moved in steps", math.inf, self.by_depth[:, None] * steps
@@ -237,7 +243,7 @@ class JudgedRows:
             yield "compliance", _TYPICAL_COMPLIANCE, self._given_way
         beyond_limit = np.maximum(self.force - _LIMIT_SHARE * max_force, 0.0)
         yield "force at its limit", _TYPICAL_LOSS_AT_LIMIT, -beyond_limit
-        if self._bends:
+        if self._bends:  # a lag tau of an arm changes the depth by tau d', which a viscosity takes, and by tau^2 d''
             yield "command", _COMMAND_DELAY**2, self.by_depth * self.acceleration
         if self._tells_zero:  # zeroed in air: another zero in contact is one that the contact itself has
             yield "zero of the force", _TYPICAL_FORCE * max_force, self.contact.astype(float)

@@ -73,6 +73,7 @@ def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> Residual
         return None
     course = make_course(track, rows)
     free = sum(unknown.free for unknown in report.unknowns.values())
+    # A fit reports its residuals over their standard deviation, as model less measured force.
     scale = math.sqrt(report.rss / max(report.samples - free, 1))
     reported = -scale * kept.innovation  # measured less model
     residual = np.where(kept.used & np.isfinite(reported), reported, _residual(track, course))[course.used]
@@ -106,7 +107,7 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
         return None
     # Rate and acceleration without delay, and the force without the inertia.
     interval, always = np.diff(kept.time, prepend=kept.time[0]), np.ones(len(kept.time), bool)
-    stamp = np.rint(kept.time * 1e9).astype(np.int64)
+    stamp = np.rint(kept.time * 1e9).astype(np.int64)  # [ns]
     samples = Samples(
         stamp=stamp,
         time=kept.time,
@@ -197,7 +198,7 @@ class _AlternativeTests:
 
 
 def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int) -> _AlternativeTests:
-    """Return the tests along each alternative, next to so many tests over bins."""
+    """Return the tests along each alternative that would show at its typical size, next to so many tests over bins."""
     patterns = [*rows.patterns()]
     visible: dict[str, tuple[Floats, float, Directions]] = {}
     for (cause, columns, typical), directions in zip(patterns, tested.along_each(patterns), strict=True):
@@ -207,7 +208,7 @@ def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int)
     for cause, (_, _, directions) in visible.items():
         scores[cause] = tested.score(directions, cause_of(cause).one_sided)
 
-    # One step to those that are significant, each by itself: the same digits whatever else is tested.
+    # One Gauss-Newton step to those that are significant, each by itself: the same digits whatever else is tested.
     count = bin_tests + len(scores)
     significant = [cause for cause in visible if scores[cause].p * count < LEVEL]
     for cause in significant:

@@ -90,7 +90,7 @@ def slope_of(unit_force: Floats, force: Floats) -> Slope | None:
     spread = float(centred @ centred)
     slope = float(centred @ force) / spread
     residual = force - np.mean(force) - slope * centred
-    variance = float(residual @ residual) / (n - 2)
+    variance = float(residual @ residual) / (n - 2)  # slope and mean are fitted
     if variance == 0.0:
         return Slope(slope, 0.0)
     correlation = float(residual[1:] @ residual[:-1] / (residual @ residual))

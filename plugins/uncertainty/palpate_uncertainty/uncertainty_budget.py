@@ -45,7 +45,7 @@ def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
         included=end.included,
     )
 
-    # The share of each value by which the robot's compliance shifts it.
+    # The share of each value by which the robot's compliance shifts it; zeros (k,) without such a term.
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
     shares = compliance / np.where(values != 0, np.abs(values), np.inf)
     names = [parameter.name for parameter in model.parameters]

@@ -13,7 +13,7 @@ _MAX_DEPTH_SHARE = 0.5  # of the largest depth (choice); an oscillation above it
 def unloading(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Return the flag of each track that used a whole unloading of a model with memory.
 
-    Estimators that treat the unloading as Ting (1966) did have none.
+    Estimators that have Ting's law of the unloading (1966) get no flag.
     """
     findings = {}
     for track in tracks:

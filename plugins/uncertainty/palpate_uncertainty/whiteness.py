@@ -182,7 +182,8 @@ def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
     variance = float(np.mean(motion**2))
     if variance == 0.0:
         return None
-    # The highest line of a padded spectrum, then of the frequencies next to it the one whose sine fits best.
+    # The highest line of a padded spectrum but for the first, the mean; then, of the frequencies next to it, the one
+    # whose sine fits best.
     spectrum = np.abs(np.fft.rfft(motion * np.hanning(len(motion)), _ZERO_PADDING * len(motion)))
     peak = int(np.argmax(spectrum[1:])) + 1
     candidates = (peak + _FINE_LINES) / (_ZERO_PADDING * span)
@@ -196,7 +197,8 @@ def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
 def _powers(time: Floats, level: Floats, lines: Floats) -> Floats:
     """Return the variance (m,) that a sine takes of each of frequencies [Hz] at equal steps, by least squares.
 
-    With z = exp(i w t), the normal equations of the cosine a and the sine b are made of z^T z and z^T level:
+    `level` (n,) are the values. With z = exp(i w t), the normal equations of the cosine and the sine are made of z^T z
+    and z^T level:
 
         sum cos^2 = (n + Re z^T z)/2,  sum sin^2 = (n - Re z^T z)/2,  sum cos sin = Im z^T z/2.
     """

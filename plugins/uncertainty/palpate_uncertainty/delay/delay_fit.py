@@ -49,7 +49,11 @@ def fit_with_delay(record: TimedRecord, law: ResponseLaw, delay: float, inflatio
 
 
 def _fit_law(record: TimedRecord, law: ResponseLaw, fixed_delay: float | None, inflation: float) -> DelayFit:
-    """Return a law fitted by variable projection: the weights of its columns follow from the other unknowns."""
+    """Return a law fitted by variable projection: the weights of its columns follow from the other unknowns.
+
+    These are the surface, the delay unless it is fixed [s], and the law's nonlinear parameters. `inflation` is the
+    variance of a mean of the residuals over that of white ones.
+    """
     from scipy.optimize import least_squares
 
     is_free = fixed_delay is None
@@ -85,6 +89,7 @@ def _fit_at(
     """
     weights, residual = record.solved(law, *optimum)
     surface, delay, nonlinear = optimum
+    # The columns of the slopes: weights, surface, delay, nonlinear parameters.
     _, slopes = record.slopes(law, surface, delay, nonlinear, weights)
     delay_place = len(weights) + 1  # behind the weights and the surface
     if not is_free:
@@ -101,7 +106,7 @@ def _fit_at(
         delay=delay,
         std=float(std[delay_place]) if is_free else 0.0,
         values=values,
-        values_std=std[:2],
+        values_std=std[:2],  # of the first two weights: under Kelvin and Voigt's law these are its values
         surface=surface,
         bic=bic,
     )
@@ -112,7 +117,8 @@ def _kelvin_voigt_values(
 ) -> Floats:
     """Return the parameters (2,) by which Kelvin and Voigt's law gives the force of another law without a delay.
 
-    Two steps of Gauss and Newton: the parameters at the law's surface, then parameters and surface.
+    `weights` (c,) are those of the law's columns. Two steps of Gauss and Newton: the parameters at the law's surface,
+    then parameters and surface.
     """
     if law.name == "kelvin-voigt":
         return weights

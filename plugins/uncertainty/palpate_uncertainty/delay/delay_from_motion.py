@@ -113,7 +113,7 @@ def _compare_laws(track: TrackEvidence) -> _LawComparison:
 
     # The model's own law gives the delay of the inertia and the correlation of the residuals.
     law = kelvin_voigt()
-    first = fit_delay(record, law, 1.0)
+    first = fit_delay(record, law, 1.0)  # as if the residuals were white
     record = record.with_inertia(first.delay)
     _, residual = record.solved(law, first.surface, first.delay, np.zeros(0))
     inflation = variance_inflation(residual)
@@ -170,7 +170,8 @@ def _another_law(laws: _LawComparison, table: dict[str, Any], terms: dict[str, f
     """Return the doubt about a track whose law does not describe the record, with the delay by the best law.
 
     Each law but the material's own takes a part of the delay for itself, so that the uncertainty by one law says
-    little: that of the delay has the spread of all within 30 of the best BIC, of a rectangular distribution.
+    little: that of the delay has the spread of all within 30 of the best BIC, of a rectangular distribution. `terms`
+    are the effects on the values, by parameter; `is_estimated` states that the track has the delay as an unknown.
     """
     best = min(laws.fits, key=lambda fit: fit.bic)
     near = [fit for fit in laws.fits if fit.bic - laws.best_bic < _MAX_BIC_OF_SPREAD]

@@ -26,8 +26,9 @@ Column = np.ndarray[tuple[int], np.dtype[np.float64]]
 def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Return the finding on each track whose contact does net work.
 
-    No viscosity of it is known, and the other values are shifted by at least that delay. Beyond what the work shows,
-    the force may be late by as much as the material's own eta/G, which is not known then.
+    Only a force that is recorded late makes a passive contact do work. The viscosity of such a track is unknown, and
+    its other values are shifted by the least delay that explains the work. The real delay may be longer by as much as
+    the material's own eta/G, which is not known then.
     """
     findings = {}
     for track in tracks:
@@ -41,7 +42,7 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _finding(track: TrackEvidence, end: TrackEnd, lateness: float) -> Diagnosed:
-    """Return the shifts of all values by a force that is late by at least so many seconds."""
+    """Return the flag of a force that is late by at least `lateness` [s], with the shifts of the values by that."""
     text = f"the contact does net work: the force is at least {1e3 * lateness:.2g} ms late"
     if not np.isfinite(track.values).all():
         text += ", which is likely why the estimates diverged: the viscosity would be negative"

@@ -33,8 +33,11 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def one_frequency_text(track: TrackEvidence) -> str:
-    """Return the frequency that a track's viscosity is of, where a tenth of the stiffness, fading, would be a tenth
-    of it."""
+    """Return a sentence on a viscosity that was measured at one frequency alone; empty where that does not matter.
+
+    At one frequency a stiffness that relaxes looks like a viscosity. The sentence says how large a viscosity a tenth of
+    the stiffness would look like, for each that this makes more than a tenth of.
+    """
     table = _fading_table(track) if track.ending is not None and not track.model.memory else {}
     if not table or not one_line(track):
         return ""
@@ -50,9 +53,11 @@ def one_frequency_text(track: TrackEvidence) -> str:
 
 
 def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
-    """Return frequency [Hz], time [s] of what fades, and its size in each viscosity; empty for other motions.
+    """Return `frequency` [Hz], `time` [s] of a relaxation, and what it `looks_like`; empty for other motions.
 
-    delta = d(theta)/d(delay) g/(2 w): the shift by a delay, of the delay that a fading part g looks like at most.
+    A part g of the stiffness that relaxes with the time constant 1/w, w the angular frequency of the motion, looks like
+    a delay of the force of g/(2 w), and with any other one like less. That delay shifts a viscosity by
+    d(theta)/d(delay) g/(2 w), which `looks_like` has by parameter.
     """
     end, used = track.ending, track.kept.used & np.isfinite(track.kept.position)
     viscous = [parameter for parameter in track.model.parameters if is_viscous(parameter)]

@@ -66,7 +66,8 @@ def unit_forces(course: Course, surface: float) -> Floats:
 def _power_law_columns(record: TimedRecord, elastic: int, has_spring: bool) -> Columns:
     """Return the columns of a modulus that fades by a power t^-a of time, with a spring in parallel or without one.
 
-    The power is a sum of branches of the times t_i, four a decade, with the shares t_i^-a.
+    The power is a sum of branches of the times t_i, four a decade, with the shares t_i^-a; a is the law's nonlinear
+    parameter. `elastic` is the place of the elastic parameter among those of the model.
     """
     shortest, longest = record.step / _TIME_MARGIN, _TIME_MARGIN * record.course.span
     times = 10.0 ** np.arange(np.log10(shortest), np.log10(longest), 1.0 / _TIMES_PER_DECADE)
@@ -76,14 +77,17 @@ def _power_law_columns(record: TimedRecord, elastic: int, has_spring: bool) -> C
         shares = times ** -float(nonlinear[0])
         branches = np.column_stack([relaxing_share(elastic_force, record.step / time) for time in times])
         fading = np.asarray(branches @ (shares / shares.sum()))
-        past = _past_forces(course, times[::_TIMES_PER_DECADE])
+        past = _past_forces(course, times[::_TIMES_PER_DECADE])  # one a decade
         return np.column_stack([elastic_force, fading, past] if has_spring else [fading, past])
 
     return columns
 
 
 def _branch_law(name: str, record: TimedRecord, elastic: int, times: tuple[float, ...]) -> ResponseLaw:
-    """Return a spring in parallel with branches, whose nonlinear parameters are the logarithms of their times [s]."""
+    """Return a spring in parallel with branches, whose nonlinear parameters are the logarithms of their times [s].
+
+    `times` [s] are those from which a fit begins, `elastic` is the place of the model's elastic parameter.
+    """
 
     def columns(course: Course, surface: float, nonlinear: Floats) -> Floats:
         elastic_force = unit_forces(course, surface)[:, elastic]

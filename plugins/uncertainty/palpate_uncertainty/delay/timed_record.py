@@ -53,7 +53,7 @@ class TimedRecord:
 
     @classmethod
     def of(cls, track: TrackEvidence) -> TimedRecord:
-        """Return the record of a track."""
+        """Return the record of a track: its samples in contact, whose motion is smoothed over the same window."""
         course = make_course(track, track.kept.used)
         step = float(np.median(np.diff(course.time)))
         rate, acceleration, width = _smooth_motion(track, course, step)
@@ -100,7 +100,7 @@ class TimedRecord:
     ) -> tuple[float, Floats]:
         """Return the standard deviation [N] of the residual and the force's slopes (r, c + 2 + m).
 
-        The columns are those of the weights, the surface, the delay and the nonlinear parameters.
+        The columns are those of the c weights, the surface [m], the delay [s] and the m nonlinear parameters.
         """
 
         def force(surface: float, delay: float, nonlinear: Floats) -> Floats:
