@@ -20,11 +20,12 @@ _FINAL_GRIDS = 2
 
 
 def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -> Floats:
-    """Return values (P,) to start from; raises NotFitted where nothing fits.
+    """Return values (P,) of all parameters to start from; raises NotFitted where nothing fits.
 
-    At every height of the surface and every ratio of work to modulus the force of E = 1 Pa is a column, as are bias and
-    slope where they are free. The last grids are of the whole record: the force jumps where the tip touches, so that
-    the solvers cannot pass a sample.
+    A grid of heights of the surface, and of ratios of the work of adhesion to the modulus, is refined in rounds. At
+    each point the force is linear in the modulus, and in bias and slope where they are free: these are solved for. The
+    last two grids take up to 20 000 samples: the force jumps where the tip touches, so that the solvers cannot pass a
+    sample.
     """
     # The heights of the surface that are tried: within the record and above it, or the one that is held.
     surface = unknowns.items[unknowns.index("surface")]
@@ -32,7 +33,8 @@ def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -
     lowest, span = float(record.height.min()), float(np.ptp(record.height))
     heights = lowest + span * _HEIGHTS if surface.value is None else np.array([surface.value])
     heights = np.clip(heights, surface.lower, surface.upper)
-    scale = _ModulusScale(model, unknowns, lowest - span)
+    scale = _ModulusScale(model, unknowns, lowest - span)  # a surface as far below the record touches nothing
+    # Few samples of the record, and as many as the last grids take.
     thinned, final = record.thinned(_THINNED_SAMPLES), record.thinned(_FINAL_SAMPLES)
 
     def squares(ratio: float, height: float, grids_left: int) -> float:

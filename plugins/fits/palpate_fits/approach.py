@@ -48,7 +48,8 @@ class SurfaceByForce:
 def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
     """Return the samples from the air above the surface to the deepest point of the first cycle.
 
-    None where these have less than 20 samples in air or 5 in contact.
+    `course` has the height of the first touch, the travel in contact, and the cycle of each sample. None where there
+    are less than 20 samples in air or 5 in contact.
     """
     in_approach = np.isfinite(samples.force) & (course.cycle <= 1)
     touch = int(np.argmax(samples.contact))

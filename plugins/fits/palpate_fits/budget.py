@@ -96,10 +96,14 @@ class FitSensitivity:
 
     @property
     def stretched(self) -> Floats:
-        """Change (n,) per unit of the scale of position, rate and acceleration."""
+        """Change (n,) of the weighted residual per unit of the scale of position, rate and acceleration.
+
+        The scale stretches the heights from the highest one, which stays.
+        """
         record, history = self._record, self._record.history
         fixed, share = float(record.height.max()), number_step(1.0)
         if history is not None:
+            # Columns: the interval, this height, height and rate of the sample before.
             history = history * np.array([1.0, 1 + share, 1 + share, 1 + share])
             history[:, 1:3] -= fixed * share
         stretched = replace(

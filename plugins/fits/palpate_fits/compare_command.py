@@ -40,11 +40,11 @@ def compare(
     """
     if len(sources) < 2:
         raise ConfigurationError("palpate fit compare: give two logs or more; palpate fit is for one")
-    asked = FitRequest(
+    request = FitRequest(
         tuple(sources), pipeline, tuple(overrides or ()), out=out, scheduler=scheduler, stage=stage, pictures=pictures,
         as_json=as_json, details=details,
     )  # fmt: skip
-    fit_logs(asked, evaluated=lambda logs: evaluate(logs, carry) if len(logs) > 1 else [])
+    fit_logs(request, evaluated=lambda logs: evaluate(logs, carry) if len(logs) > 1 else [])
 
 
 def cycles(
@@ -60,8 +60,8 @@ def cycles(
     stage: StageOption = None,
 ) -> None:
     """Fit every offline track to every log, and to every cycle of it by itself."""
-    asked = FitRequest(
+    request = FitRequest(
         tuple(sources), pipeline, tuple(overrides or ()), out=out, scheduler=scheduler, stage=stage, pictures=pictures,
         as_json=as_json, details=details,
     )  # fmt: skip
-    fit_logs(asked, cycles=lambda logs: [row for log in logs for row in each_cycle(log)])
+    fit_logs(request, cycles=lambda logs: [row for log in logs for row in each_cycle(log)])

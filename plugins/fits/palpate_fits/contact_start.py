@@ -27,8 +27,9 @@ def begins_in_contact(samples: Samples, unknowns: Unknowns, misfit: Misfit) -> b
 
     A force that nobody has zeroed has a rise where a contact detector looks for the first touch, though the tip touched
     before. So the way in to the deepest point is fitted twice: with the surface anywhere, and at the first sample or
-    above it, which is contact from the start. With sums of squares S and S_above of n independent residuals the ratio
-    is chi^2 = n (S_above - S)/S; the record begins in air where it is at least 25. Raises NotFitted where the tip never
+    above it, which is contact from the start. `misfit` returns the sum of squares [N^2] of such a fit, and the number
+    of its independent residuals. With sums of squares S and S_above of n independent residuals the ratio is
+    chi^2 = n (S_above - S)/S; the record begins in air where it is at least 25. Raises NotFitted where the tip never
     touches.
     """
     course = passage(samples)

@@ -21,11 +21,11 @@ _MIN_MODULUS_SCALE = 1e-3  # [1] of the moduli of a start, which are of the orde
 def guess_by_contrast(
     model: ContactModel, unknowns: Unknowns, record: FitRecord, linear: Sequence[int], moduli: Sequence[int]
 ) -> list[Floats]:
-    """Return values (P,) to start from, for each contrast of the first of some moduli to the others.
+    """Return starts (P,): one for each contrast of the first modulus to the others, at each point of the other grids.
 
-    And for each value of what else has a grid. The force is proportional to all moduli together, so their scale is
-    solved for with the other `linear` unknowns; the surface is the best one. Where the moduli are alike the material is
-    a half-space.
+    `linear` and `moduli` are places among the unknowns. The force is proportional to all moduli together, so their
+    scale is solved for with the other `linear` unknowns; the surface is the best one of its grid. A contrast of 1 is a
+    half-space.
     """
     thinned = few_samples(record)
     grids = [unknown_grid(item, place, linear, thinned, 1.0) for place, item in enumerate(unknowns.items)]
@@ -57,6 +57,7 @@ def solve_scaled(
 ) -> Guess:
     """Return the best scale of some moduli and values of the linear unknowns with the others given, and their cost.
 
+    `linear` and `moduli` are places among the parameters x (P,), of which the others hold the values that are given.
     The force is proportional to all moduli together. So with the errors e_1 and e_2 at these moduli and at twice these,
     e_2 - e_1 is the force of the moduli, and the error without it is 2 e_1 - e_2.
     """

@@ -69,89 +69,89 @@ class CurveFiles:
         )
 
 
-def fit_each(asked: FitRequest) -> None:
+def fit_each(request: FitRequest) -> None:
     """Fit every curve by the one pipeline, and print what was found; exit 1 where one failed."""
-    asked = _with_rig(asked)
-    if asked.scheduler is not None:
-        _demand_seen_files(asked)
-    curves, stated = _curve_files(asked), stated_facts(asked.sources, asked.overrides)
-    if asked.by is None:
-        path = _fit_files(asked, curves, stated)
+    request = _with_rig(request)
+    if request.scheduler is not None:
+        _demand_seen_files(request)
+    curves, stated = _curve_files(request), stated_facts(request.sources, request.overrides)
+    if request.by is None:
+        path = _fit_files(request, curves, stated)
     else:
-        path = _folder(asked)
-        stream = curves_by(curves.logs, asked.by) if asked.fitting else ()
-        fit_stream(path, curves.pipeline, curves.reader, stream, _pool(asked, path))
+        path = _folder(request)
+        stream = curves_by(curves.logs, request.by) if request.fitting else ()
+        fit_stream(path, curves.pipeline, curves.reader, stream, _pool(request, path))
     keep_facts(path, stated)
-    if asked.fitting:
-        _show(FitFolder(path), asked)
+    if request.fitting:
+        _show(FitFolder(path), request)
     else:
         typer.echo(f"{len(curves.files)} curves to fit: palpate fit {path}")
 
 
-def _with_rig(asked: FitRequest) -> FitRequest:
+def _with_rig(request: FitRequest) -> FitRequest:
     """Return the request with the file of facts next to the curves, where no other is named."""
-    is_named = any(keys == ("run", "rig") for keys, _ in map(parsed_assignment, asked.overrides))
-    if asked.pipeline is None or is_named or (rig := rig_beside(asked.sources)) is None:
-        return asked
+    is_named = any(keys == ("run", "rig") for keys, _ in map(parsed_assignment, request.overrides))
+    if request.pipeline is None or is_named or (rig := rig_beside(request.sources)) is None:
+        return request
     report_rig([rig])
-    return replace(asked, overrides=(f"run.rig={json.dumps(str(rig.absolute()))}", *asked.overrides))
+    return replace(request, overrides=(f"run.rig={json.dumps(str(rig.absolute()))}", *request.overrides))
 
 
-def _demand_seen_files(asked: FitRequest) -> None:
+def _demand_seen_files(request: FitRequest) -> None:
     """Raise ConfigurationError for what many curves on the workers of a scheduler cannot have."""
-    for option, value in (("--by", asked.by), ("--stage", asked.stage)):
+    for option, value in (("--by", request.by), ("--stage", request.stage)):
         if value:
             raise ConfigurationError(f"{option}: with --each, workers read each curve from a file that they can see")
-    demand_no_jobs(asked.jobs)
+    demand_no_jobs(request.jobs)
 
 
-def _curve_files(asked: FitRequest) -> CurveFiles:
+def _curve_files(request: FitRequest) -> CurveFiles:
     """Return the files that the pipeline reads; raises ConfigurationError."""
-    if asked.pipeline is None:
+    if request.pipeline is None:
         raise ConfigurationError("--each: say with --pipeline FILE how a curve is read")
-    reading = load_pipeline(asked.pipeline, asked.overrides)
-    device = log_device(reading, asked.pipeline)
-    files = list(curve_files(asked.sources, type(reading.devices[device])))
-    assignments = (*asked.overrides, f"device.{device}.file={json.dumps(str(files[0].file))}")
-    pipeline = offline(load_pipeline(asked.pipeline, assignments))
+    reading = load_pipeline(request.pipeline, request.overrides)
+    device = log_device(reading, request.pipeline)
+    files = list(curve_files(request.sources, type(reading.devices[device])))
+    assignments = (*request.overrides, f"device.{device}.file={json.dumps(str(files[0].file))}")
+    pipeline = offline(load_pipeline(request.pipeline, assignments))
     pipeline = replace(pipeline, run=pipeline.run.model_copy(update={"curves": None}))  # of another folder of fits
     return CurveFiles(files, pipeline, assignments, device)
 
 
-def _fit_files(asked: FitRequest, curves: CurveFiles, stated: StatedFacts) -> Path:
+def _fit_files(request: FitRequest, curves: CurveFiles, stated: StatedFacts) -> Path:
     """Fit curves that are files by themselves, and return their folder of fits."""
     files = curves.files
-    cells = file_facts(asked.sources, files, stated).listed(files, toml_tables(curves.pipeline.text))
+    cells = file_facts(request.sources, files, stated).listed(files, toml_tables(curves.pipeline.text))
     report_listed(map(stated_in, cells.values()), len(files))
-    path = _folder(asked)
+    path = _folder(request)
     folder = list_curves(path, [CurveGroup(curves.pipeline, curves.device, [*files])], cells)
-    if asked.fitting:
+    if request.fitting:
         names = [curve.name for curve in files]
-        fit_rows(folder, names, pool=_pool(asked, path), order=names)
+        fit_rows(folder, names, pool=_pool(request, path), order=names)
     return path
 
 
-def _folder(asked: FitRequest) -> Path:
-    return asked.out or make_folder("fit", None, datetime.now(UTC).astimezone())
+def _folder(request: FitRequest) -> Path:
+    return request.out or make_folder("fit", None, datetime.now(UTC).astimezone())
 
 
-def _pool(asked: FitRequest, path: Path) -> Pool:
+def _pool(request: FitRequest, path: Path) -> Pool:
     """Return what fits curves: the workers of a scheduler, or processes of this machine."""
-    if asked.scheduler is None:
-        return partial(on_cores, workers=asked.jobs or core_count())
+    if request.scheduler is None:
+        return partial(on_cores, workers=request.jobs or core_count())
     from palpate_fits.curve_cluster import on_workers
 
-    return partial(on_workers, asked.scheduler, path.resolve())
+    return partial(on_workers, request.scheduler, path.resolve())
 
 
-def _show(folder: FitFolder, asked: FitRequest) -> None:
+def _show(folder: FitFolder, request: FitRequest) -> None:
     """Print the folder of fits; exit 1 where a fit failed."""
     tracks, pairs = folder.summary, setup_pairs(folder, folder.names, registry.load())
-    if asked.as_json:
+    if request.as_json:
         document = {"table": str(folder.table), "tracks": tracks, "specimens": pairs_document(pairs)}
         typer.echo(json.dumps(document, indent=2))
     else:
-        show_folder(folder, pairs, {}, asked.details)
+        show_folder(folder, pairs, {}, request.details)
         print_line(f"every number: {folder.table}")
     if failed := sum(track["failed"] for track in tracks.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in tracks.values())} failed", err=True)

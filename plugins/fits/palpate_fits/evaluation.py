@@ -43,6 +43,7 @@ def _fit_with_material(source: TrackResult, log: LogFit, name: str, carry: bool)
     fixed = {parameter.name: source.parameters[parameter.name].value for parameter in track.model.parameters}
     if carry:
         fixed["surface"] = source.surface.value
+    # Surface and bias of the log are free, without bounds, starts, uncertainties and method of the material's fit.
     changes = {
         "fixed": {**track.estimator.fixed, **fixed},
         "bounds": {},

@@ -85,36 +85,37 @@ class FittedFiles:
         return setup_pairs(self.folder, [row["curve"] for row in self.rows], registry.load())
 
 
-def fit_files(asked: FitRequest, stated: StatedFacts) -> None:
+def fit_files(request: FitRequest, stated: StatedFacts) -> None:
     """Fit files that bring no pipeline, and print what was found of each; exit 1 where one was not usable."""
     with progress("look for files"):
-        files = _source_files(asked.sources, stated, asked.curve, asked.jobs)
-    facts = file_facts(asked.sources, [part.curve for part in files.parts], stated)
-    named = groups_of(files.parts, asked.sources, asked.by, facts.cells)
-    groups, facts = _groups(files.parts, facts, asked)
+        files = _source_files(request.sources, stated, request.curve, request.jobs)
+    facts = file_facts(request.sources, [part.curve for part in files.parts], stated)
+    # Groups of curves by `--by`; groups of files that are read alike.
+    named = groups_of(files.parts, request.sources, request.by, facts.cells)
+    groups, facts = _groups(files.parts, facts, request)
     if facts.stated.is_read:
         report_rig([facts.stated.path])
     # Notes and errors of reading come before any fit.
     for note in groups.notes:
         typer.echo(note, err=True)
     groups.demand_any()
-    folder = _listed(asked.out, files, groups, facts, named)
-    if asked.fitting:
+    folder = _listed(request.out, files, groups, facts, named)
+    if request.fitting:
         names = [str(part) for part in files.parts]
-        fit_rows(folder, names, asked.jobs, order=names)
+        fit_rows(folder, names, request.jobs, order=names)
     keep_facts(folder.path, facts.stated)
-    if not asked.fitting:
+    if not request.fitting:
         for name, error in groups.refused.items():
             typer.echo(f"{name}: {error}", err=True)
         typer.echo(f"{groups.count} curves to fit: palpate fit {folder.path}")
         return
     # The rows of these files, as JSON or on the screen.
     fitted = _fitted_files(folder.path, files, groups, named)
-    if asked.as_json:
+    if request.as_json:
         table = {"table": str(folder.table), "files": fitted.rows}
         print_json({**table, "specimens": pairs_document(fitted.pairs)})
     else:
-        _show(fitted, files, asked, _command(asked, facts.stated))
+        _show(fitted, files, request, _command(request, facts.stated))
     if not all(map(is_usable, fitted.rows)):
         raise typer.Exit(1)
 
@@ -146,14 +147,14 @@ def _whole_log(log: Path) -> list[LogPart]:
     return [LogPart(log)]
 
 
-def _groups(files: Sequence[LogPart], facts: FileFacts, asked: FitRequest) -> tuple[FileGroups, FileFacts]:
+def _groups(files: Sequence[LogPart], facts: FileFacts, request: FitRequest) -> tuple[FileGroups, FileFacts]:
     """Return the files by how they are read; on a terminal with what was answered to all questions about them."""
-    asking = is_asking() and not asked.as_json
+    asking = is_asking() and not request.as_json
     answered: set[FileQuestion] = set()
     certain: dict[LogPart, FileReading] = {}
     while True:
         with progress("look at", "files", len(files)):
-            groups = file_groups(files, facts, asked.choices, certain, asked.jobs)
+            groups = file_groups(files, facts, request.choices, certain, request.jobs)
         new = {file: question for file, question in groups.questions.items() if question not in answered}
         if not asking or not new:
             break
@@ -195,24 +196,24 @@ def _fitted_files(path: Path, files: SourceFiles, groups: FileGroups, named: Ent
     return FittedFiles(folder, rows, groups.read, named)
 
 
-def _command(asked: FitRequest, stated: StatedFacts) -> str:
+def _command(request: FitRequest, stated: StatedFacts) -> str:
     """Return the command line that fits the same files, but for its folder."""
     facts = stated.facts.model_dump(include=set(stated.of_options))
-    arguments = ["palpate", "fit", *(_no_option(str(source)) for source in asked.sources)]
+    arguments = ["palpate", "fit", *(_no_option(str(source)) for source in request.sources)]
     for key, text in facts.items():
         arguments += [option_of(key), str(text)]
-    for role, text in asked.choices.items():
+    for role, text in request.choices.items():
         arguments += [f"--{role}", text]
     for text in stated.settings:
         arguments += ["--set", text]
-    if asked.by is not None:
-        arguments += ["--by", asked.by]
+    if request.by is not None:
+        arguments += ["--by", request.by]
     if stated.is_named:
         arguments += ["--rig", str(stated.path)]
     return shlex.join(arguments)
 
 
-def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: str) -> None:
+def _show(fitted: FittedFiles, files: SourceFiles, request: FitRequest, command: str) -> None:
     """Print what was assumed, the rows, what is a guess, and commands that go on from here."""
     rows, folder, part_registry = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
@@ -227,14 +228,14 @@ def _show(fitted: FittedFiles, files: SourceFiles, asked: FitRequest, command: s
         pipeline,
         parts=part_registry,
         command=command,
-        details=asked.details,
-        advice=_advice(asked.sources, len(rows)),
+        details=request.details,
+        advice=_advice(request.sources, len(rows)),
     )
     # Other laws for a single file, what is a guess, and commands that go on from here.
     if len(rows) == 1:
         for line in _law_lines(fitted):
             print_line(line)
-    _show_guesses(fitted.groups, asked.details)
+    _show_guesses(fitted.groups, request.details)
     for line in _page_lines(fitted, files):
         print_line(line)
     # Groups and pairs of files, and how many have which verdict.

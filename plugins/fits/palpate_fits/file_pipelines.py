@@ -141,8 +141,8 @@ def _readings(
             readings[file] = FileReading(None, error=str(error))
             continue
         looks.append(_FileLook(file, of_file, {**stated_keys, **file.choices, **choices}, stated))
-    found = in_portions(_look_at_files, looks, worker_count(len(looks), jobs), _lost_reading)
-    for look, reading in zip(looks, found, strict=True):
+    new_readings = in_portions(_look_at_files, looks, worker_count(len(looks), jobs), _lost_reading)
+    for look, reading in zip(looks, new_readings, strict=True):
         readings[look.file] = reading
         if reading.is_certain:
             certain[look.file] = reading
@@ -191,6 +191,7 @@ def file_groups(
     part_registry = registry.load()
     stated = facts.stated
     tip = tip_table(stated.facts.tip or "", part_registry, "--tip")
+    # Without --model it is "dr", the default of the option.
     parts = _parts(tip, part_registry.named("model", stated.facts.model or "dr"), part_registry)
     suggestions = _Suggestions(_readings(files, facts, choices, certain, jobs))
     alike = alike_logs(files, suggestions.of, suggestions.refused)
@@ -253,7 +254,10 @@ def reader_keys(settings: Sequence[str]) -> dict[str, str]:
 
 
 def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:
-    """Return the lines in which a file states another radius of the tip than its pipeline."""
+    """Return the lines in which a file states another radius of the tip than its pipeline, by more than 2 %.
+
+    `suggestion.facts` has number, name and value of each line of the file's head that states something.
+    """
     radius = getattr(next(iter(pipeline.indenters.values())), "radius", None)
     texts = []
     for line, name, value in suggestion.facts:
@@ -289,6 +293,7 @@ def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated
     assumed += [f"alignment.{role}.delay" for role in roles] if not timed else []
     assumed += [f"{_READER}{key}" for key in suggestion.guesses if f"{_READER}{key}" not in stated]
     device = {**suggestion.device, "file": str(file.resolve())}
+    # A blank that a person has to fill in begins with "?".
     if str(device.get(RATE, "")).startswith("?") and f"{_READER}{RATE}" not in stated:
         device[RATE] = ASSUMED_RATE
         assumed.append(f"{_READER}{RATE}")

@@ -45,7 +45,8 @@ class Guess:
 def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
     """Return the places of free unknowns in which the residual is linear, in all of them together.
 
-    Which they are, the symbolic expression of the force shows; a parameter of the memory's rate equation is not one.
+    They follow from the symbolic expression of the force. In a parameter on which the memory's rate equation depends
+    the residual is not linear.
     """
     import casadi as ca
 
@@ -85,7 +86,7 @@ def first_guess(
     is_linear = set(range(len(own_items))) <= set(linear)
     if model.adhesive and all(item.free for item in own_items) and not is_linear:
         return adhesive_guess(model, unknowns, record)
-    # Points of the grid, and the lowest cost that each can have; 0 where that is not known.
+    # Points of the grid, [r, J]^T [r, J] at each, and the lowest cost that each can have; 0 where that is not known.
     starts = _grid_starts(model, unknowns, thinned, linear)
     squares, lowest, is_definite = np.zeros(0), np.zeros(len(starts)), np.zeros(len(starts), bool)
     if linear and not model.memory:

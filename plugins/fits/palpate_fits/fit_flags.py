@@ -36,7 +36,10 @@ def fit_flags(evaluated: FitWithUncertainty, total: Floats) -> Iterator[Flag]:
 
 
 def _bound_flags(evaluated: FitWithUncertainty, total: Floats) -> Iterator[Flag]:
-    """Yield the flags of unknowns at a bound; a viscosity whose bound is 0 has an upper end only."""
+    """Yield the flags of unknowns at a bound; a viscosity whose bound is 0 has an upper end only.
+
+    `total` has the standard uncertainties (P,) of all parameters, which are the effects of the flags.
+    """
     fit = evaluated.fit
     names = fit.unknowns.names
     model_names = {parameter.name for parameter in fit.problem.model.parameters}

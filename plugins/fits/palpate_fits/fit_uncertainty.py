@@ -64,6 +64,7 @@ def with_uncertainty(fit: FitOutcome) -> FitWithUncertainty:
     sensitivity = FitSensitivity(fit.residual, fit.record, fit.solution.x, is_fixed)
     rows, systematic = _budget(fit, sensitivity, residual_scatter)
     freedom = max(residual_scatter.effective_samples - len(free), 1.0)
+    # The quantile of Student's distribution, for an interval with as much probability beyond either end.
     quantile = float(stdtrit(freedom, 0.5 + fit.settings.confidence / 2))
     return FitWithUncertainty(
         fit=fit,
@@ -103,7 +104,7 @@ def _budget(
     rows = [BudgetRow("scatter of the residuals", None, "", effects), *(term.row(values) for term in terms)]
     delay = fit.unknowns.index("delay")
     if delay not in free:
-        per_second = sensitivity.of_parameter(delay, PROBE) / PROBE
+        per_second = sensitivity.of_parameter(delay, PROBE) / PROBE  # by differences over a small delay
         rows.append(_timing_row(fit, values, per_second))
     systematic = np.sqrt(sum((term.shifts**2 for term in terms), np.zeros(len(free))))
     return rows, systematic

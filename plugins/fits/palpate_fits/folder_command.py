@@ -133,6 +133,7 @@ def stale_count(folder: FitFolder) -> int:
 def change_folder(path: Path, change: FitRequest) -> None:
     """Write the settings of a change: of some curves into own.toml, of all into the pipeline of every dialect.
 
+    A dialect is a way in which some of the folder's files are written, which has a pipeline of its own.
     Whatever is not a setting is refused before anything is written. Raises ConfigurationError, LogError, OutputError.
     """
     folder = FitFolder(path)
@@ -205,12 +206,12 @@ def _new_pipeline(folder: FitFolder, dialect: str, change: FitRequest, facts: Ri
 
 def _answers(folder: FitFolder, change: FitRequest) -> dict[str, Any]:
     """Return the facts of all curves that are stated, or taken back (None); raises ConfigurationError."""
-    asked = {*facts_stated().values()}
+    fact_keys = {*facts_stated().values()}
     stated = dict(map(parsed_assignment, change.overrides))
-    answers = {keys[1]: value for keys, value in stated.items() if keys[0] == "rig" and keys[1] in asked}
+    answers = {keys[1]: value for keys, value in stated.items() if keys[0] == "rig" and keys[1] in fact_keys}
     for text in change.unset:
         table, _, key = text.partition(".")
-        if table != "rig" or key not in asked:
+        if table != "rig" or key not in fact_keys:
             raise ConfigurationError(
                 f"--unset {text}: not a fact; a setting of single curves is taken back with --where"
             )

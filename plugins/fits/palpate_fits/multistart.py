@@ -60,7 +60,8 @@ def solve_from_many(
 ) -> Solution:
     """Return the best minimum from a grid of relaxation times, the other unknowns fitted for each of them first.
 
-    The grid is searched on a coarser record; the best few are followed to their minimum on the whole one.
+    `residual_of` gives the residual whose free unknowns are at some places. The grid is searched on a coarser record;
+    the best few are followed to their minimum on the whole one.
     """
     times = times_of(unknowns)
     others = tuple(place for place in unknowns.free if place not in times)
@@ -95,7 +96,10 @@ def solve_or_try_others(
     x: Floats,
     loss: LossFunction,
 ) -> Solution:
-    """Return the minimum from one start; without one, the best from viscosities ten times smaller and larger."""
+    """Return the minimum from one start; where that does not converge, the best from other viscosities.
+
+    These are 0.1, 1 and 10 times as large. `residual_of` gives the residual whose free unknowns are at some places.
+    """
     residual = residual_of(tuple(unknowns.free))
     solution = solve_trf(residual, unknowns, record, x, loss)
     viscosities = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
@@ -138,7 +142,8 @@ def rivals(
     """Yield a note on values that are others at another minimum which describes a record as well.
 
     As well is a cost C (half of the sum of squares of n samples, p unknowns) that is higher by at most
-    (3^2 s^2 + sum l_i^2)/2, s^2 = 2 C/(n - p) and l the standard uncertainty of the force by the model's law [N].
+    (3^2 s^2 + sum l_i^2)/2, s^2 = 2 C/(n - p) and l the standard uncertainty of the force by the model's law [N], half
+    of the error that the model states. `minima` are those near other starts, on a thinned record.
     """
     freedom = max(len(record) - len(residual.free), 1)
     law_error = _LAW_STD_SHARE * residual.model.law_error * record.weight * record.force

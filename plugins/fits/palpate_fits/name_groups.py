@@ -50,7 +50,7 @@ def groups_of(files: Sequence[LogPart], sources: Sequence[Path], by: str | None,
 def groups_by_name(files: Sequence[LogPart], sources: Sequence[Path], pattern: re.Pattern[str]) -> Entries:
     """Return the groups of each file whose name, as seen from the folder that was given, has the pattern.
 
-    Raises ConfigurationError where none has.
+    The columns are the named groups of the pattern, or are numbered. Raises ConfigurationError where no file has it.
     """
     names = {number: name for name, number in pattern.groupindex.items()}
     columns = [names.get(k, GROUP if k == 1 else f"{GROUP}{k}") for k in range(1, pattern.groups + 1)]

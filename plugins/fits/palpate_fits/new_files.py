@@ -90,8 +90,10 @@ def _prefix(folder: FitFolder, place: Path) -> str:
 
 
 def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, part_registry: Registry) -> str:
-    """Return the dialect in which a file is written, a new one where it matches none of the others; raises
-    UserError."""
+    """Return the name of the dialect in which a file is written, a new one where it matches none of the others.
+
+    The dialects of a folder of fits differ in how files are read, and have a pipeline each. Raises UserError.
+    """
     new_text: str | None = None
     problem: UserError | None = None
     for name in (*folder.dialects, None):  # the last by what the file states alone
@@ -111,6 +113,7 @@ def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, part_registry: R
     if new_text is None:
         assert problem is not None
         raise problem
+    # The first dialect has another name; the others are d2, d3 and so on.
     new = next(name for k in range(2, len(folder.dialects) + 3) if (name := f"d{k}") not in folder.dialects)
     write_dialects(folder.path / SETTINGS, {new: new_text})
     return new

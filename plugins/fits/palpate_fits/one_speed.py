@@ -63,7 +63,7 @@ def with_possible_viscosity(
 ) -> tuple[Unknowns, Solution]:
     """Return the unknowns and the fit without a viscosity below 0 that only its own size determines.
 
-    As they are if no such fit explains the record as well.
+    Both are unchanged if no fit within the physical bounds explains the record as well.
 
     A surface that is higher by s with a viscosity, and one that is lower by s without, differ in their force by s^3:
     least squares takes either. Of two that the record does not distinguish, only one is of a material.
@@ -104,9 +104,10 @@ def _is_viscous(parameter: Parameter) -> bool:
 
 
 def _std_if_none(fit: FitOutcome, scatter: ResidualScatter, j: int) -> tuple[float, float]:
-    """Return the standard uncertainties of the j-th free unknown by the slopes where it is 0: others free, and known.
+    """Return two standard uncertainties of the j-th free unknown by the slopes where it is 0: others free, and known.
 
-    A noisy rate adds what no other unknown can follow, which is taken off: the share of its noise in its mean square.
+    The share of its slope's square that no other unknown can follow makes the difference. Noise of the rate adds to
+    that share by its own share in the mean square of the rate, which is subtracted.
     """
     record, x = fit.record.thinned(SAMPLES), fit.solution.x.copy()
     x[fit.residual.free[j]] = 0.0
@@ -136,7 +137,10 @@ def _spread(scatter: ResidualScatter) -> float:
 def _interval(
     fit: FitOutcome, profile: ProfileIntervals, scatter: ResidualScatter, j: int, step: float
 ) -> OneSpeedInterval:
-    """Return the interval of the j-th free unknown, searched from a first step, and what it leaves of the others."""
+    """Return the interval of the j-th free unknown, searched from a first step, with the covariance of all.
+
+    The covariance is that of the others if this one were known, plus the effect of this one on them.
+    """
     place, estimate, spread = fit.residual.free[j], fit.solution.x[list(fit.residual.free)], _spread(scatter)
     value = float(estimate[j])
     upper = max(profile.upper_end(place, SIGMAS, step, spread) or 0.0, value)
@@ -148,7 +152,8 @@ def _interval(
     covariance[np.ix_(other_unknowns, other_unknowns)] = spread**2 * scaled_inverse(
         normal[np.ix_(other_unknowns, other_unknowns)]
     )
-    # What it does to them, at the end that is farther in units of that; twice this shift leads there.
+    # The shift of all by one standard uncertainty of this one, of which SIGMAS lead to an end. Of both ends the one
+    # counts that moves the others more, in units of their own uncertainties.
     std = np.sqrt(covariance.diagonal()[other_unknowns])
     shifts = [(profile.with_held(place, end) - estimate) / SIGMAS for end in (lower, upper)]
     shift = max(shifts, key=lambda moved: float(np.linalg.norm(moved[other_unknowns] / np.maximum(std, _SMALLEST))))

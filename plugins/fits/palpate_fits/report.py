@@ -30,11 +30,11 @@ def estimates_of(fit: FitOutcome) -> Estimates:
     rows: Any = slice(None) if fit.rows.all() else fit.rows
     k = len(fit.problem.model.parameters)
     total = _total_std(evaluated)
-    # Constant over the fitted samples, idle outside them.
+    # Constant over the fitted samples, idle outside them; the surface follows the k parameters of the model.
     estimates = Estimates.idle(samples, k)
     estimates.values[rows], estimates.std[rows] = x[:k], total[:k]
     estimates.surface[rows], estimates.surface_std[rows] = x[k], total[k]
-    estimates.status[rows] = 0
+    estimates.status[rows] = 0  # neither idle nor any other state
     freedom = max(evaluated.scatter.samples - len(fit.residual.free), 1)
     _reconstruct(fit, evaluated.scatter.rss / freedom, estimates)
     details = _details(evaluated, total)

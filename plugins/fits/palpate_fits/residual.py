@@ -93,7 +93,7 @@ class Residual:
         return self._evaluate.normal(record, x, loss)
 
     def triangle(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
-        """Return R (p + 1, p + 1) of the QR factors of [J, r], for what is ill-posed.
+        """Return R (p + 1, p + 1) of the QR factors of [J, r], for fits whose normal equations are ill-conditioned.
 
         Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J,
         in numbers whose range is the square root of that of [r, J]^T [r, J]. Each block is factored together with the R

@@ -130,7 +130,10 @@ def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, co
 
 
 def _window_rows(window: Window, samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
-    """Return the samples (n,) of one window."""
+    """Return True (n,) for the samples of one window.
+
+    `rate` (n,) [m/s] is that of the depth; `course` has the height of the first touch, and the cycle of each sample.
+    """
     depth = course.touch - samples.position
     # As much air as there is depth: enough for surface and baseline, without minutes of waiting.
     near = depth >= -max(course.travel, _MIN_TRAVEL)

@@ -20,7 +20,7 @@ def show_pairs(pairs: Sequence[SetupPair]) -> None:
 
 
 def pair_table(pairs: Sequence[SetupPair]) -> Table:
-    """Return a row for each pair."""
+    """Return the table of pairs of tips or depths on one specimen, with E_n (ISO 13528) of each value."""
     names = list(dict.fromkeys(name for pair in pairs for name in pair.e_n))
     by_track = len({pair.track for pair in pairs}) > 1
     rows = [

@@ -54,7 +54,11 @@ def solve_lm(
     loss: LossFunction,
     gain: float = 1e-22,
 ) -> Solution:
-    """Return the minimum by Levenberg and Marquardt, whose normal equations one compiled function sums up."""
+    """Return the minimum by Levenberg and Marquardt, whose normal equations one compiled function sums up.
+
+    It has converged where the next step would lower the cost by less than a share `gain` of it. By default that is
+    within 1e-9 standard deviations of the minimum (decision 0143).
+    """
     free = list(residual.free)
     full = x.copy()
 
@@ -78,7 +82,7 @@ def solve_trf(
     """Return the minimum by trust-region reflective (Branch, Coleman and Li 1999; scipy), in `max_evaluations`.
 
     It works on the triangular factor of [J, r], which has the cost, the gradient and the J^T J of the whole, so the
-    steps are those of the whole problem.
+    steps are those of the whole problem. The cost is half of the sum of squares.
     """
     from scipy import optimize
 

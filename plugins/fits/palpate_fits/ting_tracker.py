@@ -232,10 +232,10 @@ class TingTracker:
         rss = float(residual @ residual)
         autocorrelation = float(residual[1:] @ residual[:-1]) / max(rss, _SMALLEST)
         positive = max(autocorrelation, 0.0)
-        effective_samples = max(n * (1 - positive) / (1 + positive), count + 2.0)
+        effective_samples = max(n * (1 - positive) / (1 + positive), count + 2.0)  # one more than there are unknowns
 
         # Covariance of the logarithms and the surface.
-        variance = rss / max(n - count - 1, 1)
+        variance = rss / max(n - count - 1, 1)  # the unknowns are `count` parameters and the surface
         covariance = scaled_inverse(jacobian.T @ jacobian) * variance * n / effective_samples
         log_std = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.inf))
 

@@ -190,7 +190,7 @@ class FitTracker:
         if self._problem.model.memory:
             solver, solution = self._solve(unknowns, record, residual, x, loss)
             return solver, record, solution
-        if len(record) > 2 * _THINNED_SAMPLES:
+        if len(record) > 2 * _THINNED_SAMPLES:  # of a shorter record a first fit would not be worth its time
             x = solve_lm(residual, unknowns, record.thinned(_THINNED_SAMPLES), x, loss, gain=_THINNED_GAIN).x
         solver, solution = self._solve(unknowns, record, residual, x, loss)
         if unknowns.index("delay") in unknowns.free:

@@ -43,8 +43,9 @@ class ResidualScatter:
 def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> ResidualScatter:
     """Return the sandwich covariance A^-1 S A^-1 of the free unknowns, with the statistics of the residuals.
 
-    A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T. gamma is the autocovariance of the residuals,
-    summed as far as it reaches; the white-noise formula is the case that gamma vanishes between samples.
+    A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T; psi is the slope of the loss by the residual, psi'
+    that of psi. gamma is the autocovariance of the residuals, summed as far as it reaches; the white-noise formula is
+    the case that gamma vanishes between samples.
     """
     pieces = _sum_pieces(residual, record, x, loss)
     gamma, reach = _autocovariance(pieces.errors, len(residual.free))

@@ -43,36 +43,39 @@ _DETAILS_WIDTH = 160  # characters
 
 
 def fit_logs(
-    asked: FitRequest,
+    request: FitRequest,
     evaluated: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
     cycles: Callable[[Sequence[LogFit]], list[dict[str, Any]]] = lambda _: [],
 ) -> None:
-    """Fit logs, and print the fits, their evaluation on other logs, and their cycles; exit 1 where a log failed."""
-    demand_scheduler(asked.scheduler, asked.stage)
+    """Fit logs, and print the fits, their evaluation on other logs, and their cycles; exit 1 where a log failed.
+
+    `evaluated` and `cycles` make the rows of these two tables from the fitted logs; by default these stay empty.
+    """
+    demand_scheduler(request.scheduler, request.stage)
     failures: dict[str, PalpateError] = {}
-    folder, logs = _fit_sources(asked, failures)
+    folder, logs = _fit_sources(request, failures)
     document = _document(logs, evaluated(logs), cycles(logs))
     _write(folder, document)
-    if asked.as_json:
+    if request.as_json:
         typer.echo(json.dumps(document, indent=2))
     else:
-        _show(logs, document, folder, asked.details)
+        _show(logs, document, folder, request.details)
     if failures:
-        typer.echo(f"{len(failures)} of {len(asked.sources)} logs failed: {', '.join(failures)}", err=True)
+        typer.echo(f"{len(failures)} of {len(request.sources)} logs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
 
 
-def _fit_sources(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
+def _fit_sources(request: FitRequest, failures: dict[str, PalpateError]) -> tuple[Path, list[LogFit]]:
     """Return the folder, and the fitted logs in the order of the sources; `failures` gets the errors of the others.
 
     ``fit.json`` is written after each log. Raises UserError where no log was fitted.
     """
-    pipelines_by_name = _load_pipelines(asked, failures)
+    pipelines_by_name = _load_pipelines(request, failures)
     names = [name for name, _ in pipelines_by_name]
-    continues = asked.out is not None and (asked.out / _FIT).is_file()
-    folder = _folder(asked.out, names)
+    continues = request.out is not None and (request.out / _FIT).is_file()
+    folder = _folder(request.out, names)
     logs: list[LogFit] = []
-    for name, outcome in fits_of(pipelines_by_name, folder, asked.scheduler, asked.stage, asked.pictures):
+    for name, outcome in fits_of(pipelines_by_name, folder, request.scheduler, request.stage, request.pictures):
         if isinstance(outcome, PalpateError):
             leave_out(name, outcome, failures)
             continue
@@ -86,16 +89,16 @@ def _fit_sources(asked: FitRequest, failures: dict[str, PalpateError]) -> tuple[
     return folder, logs
 
 
-def _load_pipelines(asked: FitRequest, failures: dict[str, PalpateError]) -> list[tuple[str, Pipeline]]:
+def _load_pipelines(request: FitRequest, failures: dict[str, PalpateError]) -> list[tuple[str, Pipeline]]:
     """Return name and pipeline of each source that can be read; with --details print what is assumed exact."""
-    sources, reader = asked.sources, asked.pipeline
+    sources, reader = request.sources, request.pipeline
     # Workers stand elsewhere: for them all paths are absolute.
-    if asked.scheduler is not None:
+    if request.scheduler is not None:
         sources = tuple(source.resolve() for source in sources)
         reader = reader.resolve() if reader else None
     with progress(f"look at {len(sources)} sources"):
-        pipelines_by_name = named_pipelines(sources, reader, list(asked.overrides), failures)
-    if asked.details:
+        pipelines_by_name = named_pipelines(sources, reader, list(request.overrides), failures)
+    if request.details:
         for name, pipeline in pipelines_by_name:
             assumptions = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
             typer.echo(f"{name}: assumed exact: {assumptions}", err=True)
