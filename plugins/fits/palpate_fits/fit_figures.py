@@ -33,7 +33,7 @@ def draw(
     for name, paint in {"force": _forces, "residuals": _residuals}.items():
         # Two axes, over time and over depth.
         figure, rows_of_axes = figure_of(columns=2)
-        axes = rows_of_axes[0]
+        axes = rows_of_axes[0]  # of one row
         for label, (estimates, report) in fits.items():
             force = _without_offset(contact_force, samples, estimates, report)
             paint(axes, label, samples, estimates, force)
@@ -47,7 +47,7 @@ def draw(
 def _without_offset(force: Floats, samples: Samples, estimates: Estimates, report: FitReport) -> Floats:
     """Return the force (n,) [N] less the bias and drift of a fit."""
     time = samples.time[_rows(estimates)]
-    middle = 0.5 * (time[0] + time[-1])
+    middle = 0.5 * (time[0] + time[-1])  # from which a fit counts its drift
     return np.asarray(force - report.bias - report.drift * (samples.time - middle))
 
 

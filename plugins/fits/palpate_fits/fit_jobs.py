@@ -65,26 +65,26 @@ def fit_or_find(job: Job, pictures: bool) -> RunAnswer:
     pipeline = job.pipeline()
     if (cached := cached_result(job)) is not None:
         return RunAnswer(cached, _samples(job.name, pipeline))
-    kept = SampleObserver()
+    observer = SampleObserver()
     with progress(job.name, "s"):
-        result = run_pipeline(pipeline, unused_folder(job.folder), report_progress, kept)
+        result = run_pipeline(pipeline, unused_folder(job.folder), report_progress, observer)
     result.demand_whole()
-    samples = _joined(job.name, kept.blocks)
+    samples = _joined(job.name, observer.blocks)
     if pictures:
         from palpate_fits.fit_figures import draw
 
-        draw(samples, kept.found, pipeline.alignment.tip_mass or 0.0, result.folder)
+        draw(samples, observer.found, pipeline.alignment.tip_mass or 0.0, result.folder)
     write_cache(result)
     return RunAnswer(result, samples)
 
 
 def _samples(name: str, pipeline: Pipeline) -> Samples:
     """Return the samples of a log, without any estimates."""
-    kept = SampleObserver()
+    observer = SampleObserver()
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder, progress(name, "s"):
         reading = replace(pipeline, tracks=(), sinks={})
-        run_pipeline(reading, Path(folder, "run"), report_progress, kept).demand_whole()
-    return _joined(name, kept.blocks)
+        run_pipeline(reading, Path(folder, "run"), report_progress, observer).demand_whole()
+    return _joined(name, observer.blocks)
 
 
 def _joined(name: str, blocks: Sequence[Samples]) -> Samples:

@@ -96,7 +96,7 @@ def _attenuation_gradient(residual: Residual, record: FitRecord, x: Floats, surf
     for (record_up, x_up), (record_down, x_down) in _displacements(residual, record, x, surface):
         residual_up, jacobian_up = residual.whole(record_up, x_up)
         residual_down, jacobian_down = residual.whole(record_down, x_down)
-        square_step = 4 * (_STEP_SHARE * record.transition) ** 2
+        square_step = 4 * (_STEP_SHARE * record.transition) ** 2  # of both differences, over two steps each
         gradient += (jacobian_up - jacobian_down).T @ (residual_up - residual_down) / square_step
     return gradient / (_SIGN_PATTERNS if residual.model.memory else 1)
 

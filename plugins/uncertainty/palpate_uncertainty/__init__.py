@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
+    # `quick` ones are asked during a run as well, `lost` ones also of tracks without numbers; `after` are those whose
+    # findings one takes into account.
     return {
         "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", quick=True),
         "readings": Diagnosis("palpate_uncertainty.reading_faults:reading_faults", quick=True),

@@ -34,7 +34,8 @@ def assumptions(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
     """Return the assumptions of one track; empty if it has no sensitivity to any of them.
 
-    `percent` has, by assumption and value, the change of the value by 1 % of the assumed number.
+    `end` has the settings and the latest estimates of the track, by which the force's derivatives are taken. `percent`
+    has, by assumption and value, the change of the value by 1 % of the assumed number.
     """
     sensitivity = along(track.model, end.tail, end.last, track.values, end.held)
     if sensitivity is None:
@@ -61,7 +62,8 @@ def _table(track: TrackEvidence, end: TrackEnd) -> dict[str, Any]:
     used = track.kept.used & np.isfinite(track.kept.position)
     rhythm = oscillation(track.kept.time[used], track.kept.position[used])
     if rhythm is not None and any(is_viscous(parameter) for parameter in track.model.parameters):
-        table["frequency"] = float(rhythm[0])
+        frequency, _ = rhythm
+        table["frequency"] = float(frequency)
     return table
 
 

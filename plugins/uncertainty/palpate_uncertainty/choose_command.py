@@ -99,13 +99,13 @@ def candidates(path: Path, source: Source) -> list[Candidate]:
     pipeline = build_pipeline(source)
     if is_live(pipeline.devices):
         raise ConfigurationError(f"{path}: has a live device; record first: palpate run {path}")
-    kept = SampleObserver()
+    observer = SampleObserver()
     with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):
-        result = run_pipeline(pipeline, Path(folder) / "run", report_progress, kept)
+        result = run_pipeline(pipeline, Path(folder) / "run", report_progress, observer)
         result.demand_whole()
-    if not kept.blocks:
+    if not observer.blocks:
         raise LogError(f"{path}: has no samples")
-    samples = Samples.joined(kept.blocks)
+    samples = Samples.joined(observer.blocks)
     return [
         _candidate(str(path), str(track.name.model), result.tracks[str(track.name)], _blocks(pipeline, i, samples))
         for i, track in enumerate(pipeline.tracks)
@@ -149,8 +149,8 @@ def _source(path: Path, requested: Sequence[str], overrides: Sequence[str]) -> S
     """Return the pipeline of a record, by its file, its log, or a suggestion, with one fit of every candidate."""
     if path.suffix == ".toml":
         source = Source.read(path)
-    elif (carried := read_run_log(path)) is not None:
-        source = replay_source(carried)
+    elif (run_log := read_run_log(path)) is not None:
+        source = replay_source(run_log)
     else:
         source = _suggested(path)
     for assignment in overrides:

@@ -85,7 +85,7 @@ def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     amplitude, error = float(np.hypot(*weights)), float(np.mean(errors))
     if amplitude < _MIN_DEVIATIONS * error:
         return
-    # Its effect in contact, at any phase.
+    # Its effect in contact, at any phase: the shifts that least squares answers to such an error of the force with.
     angle = 2.0 * np.pi * frequency * sensitivity.time
     in_phase = sensitivity.answer(amplitude * np.sin(angle))
     out_of_phase = sensitivity.answer(amplitude * np.cos(angle))

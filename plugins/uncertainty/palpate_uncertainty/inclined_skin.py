@@ -50,7 +50,7 @@ class AcrossForce:
     @property
     def drag(self) -> float:
         """The stiffness of a contact along the skin over that along the normal (Mindlin 1949)."""
-        poisson = float(getattr(self.model, "poisson", 0.5))
+        poisson = float(getattr(self.model, "poisson", 0.5))  # a model without one is taken as incompressible
         return 2.0 * (1.0 - poisson) / (2.0 - poisson)
 
     @property

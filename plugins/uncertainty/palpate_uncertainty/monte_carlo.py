@@ -82,14 +82,14 @@ class PropagatedDraws:
 
 def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
     """Return the tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
-    carried = read_run_log(run)
-    if carried is None:
+    run_log = read_run_log(run)
+    if run_log is None:
         raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
-    pipeline = build_pipeline(replay_source(carried, list(tracks)))
-    kept = SampleObserver()
+    pipeline = build_pipeline(replay_source(run_log, list(tracks)))
+    observer = SampleObserver()
     with tempfile.TemporaryDirectory() as folder, progress(str(run), "s"):
-        run_pipeline(pipeline, Path(folder) / "replay", report_progress, kept)
-    samples = Samples.joined(kept.blocks)
+        run_pipeline(pipeline, Path(folder) / "replay", report_progress, observer)
+    samples = Samples.joined(observer.blocks)
     result = RunFolder(run).result
     # The weight of a mass behind the sensor, along the tool; its tables are empty for a tool that was not turned.
     turned = result["run"].get("turned_tool", {})

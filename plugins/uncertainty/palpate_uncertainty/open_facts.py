@@ -192,7 +192,7 @@ def _tare(track: _OpenTrack) -> Iterator[Condition]:
         text="no force without contact",
         remedy=words_that_state("tare"),
         alternative=f"{offset:.2g} N",
-        shifts=track.against(np.full(len(sensitivity.force), offset)),
+        shifts=track.against(np.full(len(sensitivity.force), offset)),  # of the values without that error of the force
         code="tare-undeclared",
     )
 
@@ -220,7 +220,7 @@ def _poisson(track: _OpenTrack) -> Iterator[Condition]:
         return
     if "poisson" in model.model_fields_set or {"poisson", "model.poisson"} & track.end.uncertainties.keys():
         return
-    change = POISSON - value
+    change = POISSON - value  # from the default of the model to the alternative
     if change:
         shifts = track.against(change * sensitivity.by_number(("poisson",), value, change))
         text = f"Poisson's ratio {value - POISSON_RANGE:g} to {value:g}"

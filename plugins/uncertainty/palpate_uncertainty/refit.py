@@ -203,6 +203,7 @@ def _motion(kept: SampleStore) -> _SmoothMotion:
         whole = (runs[2 * k :] == runs[: -2 * k]) & (kept.time[2 * k :] > kept.time[: -2 * k])
         span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
         acceleration[k:-k] = change / span
+    # `corners` and `jerks` are the samples near a sudden change of the height's, and of the rate's slope.
     height, height_noise, corners = _quiet(kept.position, runs)
     rate, rate_noise, jerks = _quiet(-kept.velocity, runs)
     # A slope of its own, of the smoothed rate: with the noise of the acceleration that gives the inertia, the force

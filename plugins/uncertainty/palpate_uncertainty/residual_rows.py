@@ -301,6 +301,7 @@ def _air(track: TrackEvidence, deepest: float) -> Floats:
     for time, force, place in ((track.air_time, track.air_force, track.air_position), tuple(track.air_after)):
         is_finite = np.isfinite(force) & np.isfinite(place)
         time, force, depth = time[is_finite], force[is_finite], track.surface - place[is_finite]
+        # Too short a stretch leaves hardly anything between its ends (choice).
         if len(time) <= 4 * _MIN_SLOPE_SAMPLES or not np.all(np.diff(time) > 0):
             continue
         rate = _slope(time, depth)

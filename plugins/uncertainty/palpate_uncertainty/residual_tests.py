@@ -167,7 +167,7 @@ def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceN
     count = len(bins) + effective_count(alternatives.singles)
     p = min(1.0, count * min((test.p for test in all_tests), default=1.0))
 
-    # What is left without an explanation, in contact alone.
+    # What is left without an explanation, in contact alone. One that needs 10 times its typical size explains nothing.
     explanations = {cause: scores[cause] for cause in alternatives.significant if scores[cause].times < FARTHEST}
     inside = slice(rows.count)
     misfit = Misfit(
@@ -214,6 +214,7 @@ def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int)
     for cause in significant:
         columns, typical, _ = visible[cause]
         scores[cause] = tested.step(columns, typical, cause_of(cause).one_sided, rows.count)
+    # The directions of those of one number; their correlation says how many independent tests they are.
     singles = []
     for cause, (_, _, directions) in visible.items():
         if scores[cause].numbers == len(directions.sums) == 1:

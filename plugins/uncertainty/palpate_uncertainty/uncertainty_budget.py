@@ -23,7 +23,7 @@ def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
-    """Return the budget of one track, from its samples, settings and declared uncertainties at its end."""
+    """Return the budget of one track, from the samples, settings, estimates and declared uncertainties at its end."""
     model, values = track.model, track.values
     settings, report = end.settings, end.report
     if end.is_sweep and report.turned is not None:  # on a sweep the motion along the skin is intended

@@ -168,7 +168,7 @@ def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:
     return frequency, phase.copy()
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=4)  # several diagnoses of a track ask
 def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
     """Return the `oscillation` of the bytes of times [s] and positions [m], which a cache takes as keys."""
     time, position = np.frombuffer(times, np.float64), np.frombuffer(positions, np.float64)

@@ -54,5 +54,6 @@ class CompiledColumns:
 def _compiled_columns(text: str) -> tuple[Callable[..., None], Callable[..., None]]:
     """Return a serialised function over columns as machine code: its values, and the sums of their products."""
     address = code_addresses("columns", text, ColumnTranslation)
+    # A count of samples, then the addresses of samples, settings and result.
     prototype = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([ctypes.c_void_p] * 3))
     return prototype(address("values")), prototype(address("products"))

@@ -42,7 +42,10 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _finding(track: TrackEvidence, end: TrackEnd, lateness: float) -> Diagnosed:
-    """Return the flag of a force that is late by at least `lateness` [s], with the shifts of the values by that."""
+    """Return the flag of a force that is late by at least `lateness` [s], with the shifts of the values by that.
+
+    `end` has the latest estimates of the track, at which the model's derivatives are taken.
+    """
     text = f"the contact does net work: the force is at least {1e3 * lateness:.2g} ms late"
     if not np.isfinite(track.values).all():
         text += ", which is likely why the estimates diverged: the viscosity would be negative"

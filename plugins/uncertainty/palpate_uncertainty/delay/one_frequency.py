@@ -67,7 +67,8 @@ def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
     if rhythm is None:
         return {}
     # The shift of each viscosity by the delay g/(2 w).
-    angular_frequency = 2.0 * np.pi * rhythm[0]
+    frequency, _ = rhythm
+    angular_frequency = 2.0 * np.pi * frequency
     shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values, end.held), track.values)
     like = {
         parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * angular_frequency), "unit": parameter.unit}
@@ -76,4 +77,4 @@ def _fading_table(track: TrackEvidence) -> Mapping[str, Any]:
     }
     if not like:
         return {}
-    return {"frequency": rhythm[0], "fading": FADING, "time": 1.0 / angular_frequency, "looks_like": like}
+    return {"frequency": frequency, "fading": FADING, "time": 1.0 / angular_frequency, "looks_like": like}
