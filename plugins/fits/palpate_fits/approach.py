@@ -68,6 +68,7 @@ def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
 def _up_to_contact(approach: Approach) -> Approach:
     """Return the approach with its air ending where contact begins, which a threshold passes later.
 
+    `approach.air` is the number of its first samples that are in air, before the force has passed the threshold.
     A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
     still near its noise, as only there the law of a change point is good for every tip.
     """

@@ -265,12 +265,12 @@ def _other_tips(suggestion: Suggestion, pipeline: Pipeline) -> list[str]:
         if radius is None or not _OF_TIP.search(name) or not (is_diameter or "radius" in name.lower()):
             continue
         try:
+            # A unit in brackets behind the name, as in "tip radius [mm]".
             unit = re.search(r"[\[(]([^\])]+)[\])]", name)
-            stated_radius = to_si(f"{value} {unit[1]}" if unit else value, "m") * (
-                _PER_DIAMETER if is_diameter else 1.0
-            )
+            length = to_si(f"{value} {unit[1]}" if unit else value, "m")
         except ValueError:
             continue
+        stated_radius = _PER_DIAMETER * length if is_diameter else length
         if abs(stated_radius / radius - 1.0) > _ALIKE:
             texts.append(f"line {line} states {name}: {value}, and --tip a radius of {1e3 * radius:g} mm")
     return texts

@@ -61,9 +61,8 @@ def fit_folder(path: Path, change: FitRequest) -> None:
     # New files in the folder of the curves come in first, then the settings change.
     added, refused = add_new_files(path) if change.where is None else ([], dict[str, str]())
     if added:
-        typer.echo(
-            f"new in the folder of the curves: {', '.join(added[:_NAMED])}{', ...' * (len(added) > _NAMED)}", err=True
-        )
+        more = ", ..." if len(added) > _NAMED else ""
+        typer.echo(f"new in the folder of the curves: {', '.join(added[:_NAMED])}{more}", err=True)
     change_folder(path, change)
     folder = FitFolder(path)
     if change.where is None:
@@ -150,6 +149,7 @@ def change_folder(path: Path, change: FitRequest) -> None:
         assignments = dict(folder.own)
         for name in names:
             assignments[name] = change_assignments(folder.own.get(name, ()), change.overrides, change.unset)
+        # Each dialect once for all curves with the same settings.
         for dialect, changed in {(folder.dialect_of(name), assignments[name]) for name in names}:
             _demand_fits(dialect_source(folder, dialect, changed))
         write_own(path, assignments)

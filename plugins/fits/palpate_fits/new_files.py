@@ -114,7 +114,9 @@ def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, part_registry: R
         assert problem is not None
         raise problem
     # The first dialect has another name; the others are d2, d3 and so on.
-    new = next(name for k in range(2, len(folder.dialects) + 3) if (name := f"d{k}") not in folder.dialects)
+    number = 2
+    while (new := f"d{number}") in folder.dialects:
+        number += 1
     write_dialects(folder.path / SETTINGS, {new: new_text})
     return new
 

@@ -157,6 +157,7 @@ def _interval(
     std = np.sqrt(covariance.diagonal()[other_unknowns])
     shifts = [(profile.with_held(place, end) - estimate) / SIGMAS for end in (lower, upper)]
     shift = max(shifts, key=lambda moved: float(np.linalg.norm(moved[other_unknowns] / np.maximum(std, _SMALLEST))))
+    # An interval that begins at 0 counts as a whole, any other one from the estimate to its farther end.
     reach = upper if lower == 0.0 else max(upper - value, value - lower)
     shift[j] = np.copysign(reach / SIGMAS, shift[j])
     return OneSpeedInterval(lower, upper, covariance + np.outer(shift, shift))

@@ -23,14 +23,13 @@ def pair_table(pairs: Sequence[SetupPair]) -> Table:
     """Return the table of pairs of tips or depths on one specimen, with E_n (ISO 13528) of each value."""
     names = list(dict.fromkeys(name for pair in pairs for name in pair.e_n))
     by_track = len({pair.track for pair in pairs}) > 1
-    rows = [
-        [
-            f"{pair.specimen}\n{pair.track}" if by_track else pair.specimen,
-            "\n".join(setup.words for setup in pair.setups),
-            *(f"{pair.e_n[name]:.2f}" if name in pair.e_n else "-" for name in names),
-        ]
-        for pair in pairs
-    ]
+    rows = []
+    for pair in pairs:
+        label = f"{pair.specimen}\n{pair.track}" if by_track else pair.specimen
+        cells = [label, "\n".join(setup.words for setup in pair.setups)]
+        for name in names:
+            cells.append(f"{pair.e_n[name]:.2f}" if name in pair.e_n else "-")
+        rows.append(cells)
     label_headings = [SPECIMEN, "tip and depth"]
     return Table.of(
         "two tips or depths on one specimen",

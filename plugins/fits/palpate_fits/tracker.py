@@ -275,6 +275,7 @@ class FitTracker:
     def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[Flag]) -> Unknowns:
         """Return the unknowns with the surface above the heights at which the force exceeds a limit [N].
 
+        `approach` has heights and forces of the first way in, of which the first `approach.air` samples are in air.
         Appends a note where the limit cannot be used, or is less than the error of the force in air; raises NotFitted
         where it contradicts the bounds of the surface.
         """

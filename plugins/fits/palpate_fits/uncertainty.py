@@ -50,11 +50,12 @@ def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction
     pieces = _sum_pieces(residual, record, x, loss)
     gamma, reach = _autocovariance(pieces.errors, len(residual.free))
     inverse = scaled_inverse(pieces.normal)
-    middle = _pair_sum(pieces.slopes, gamma, reach)
+    middle = _pair_sum(pieces.slopes, gamma, reach)  # S
     covariance = inverse @ middle @ inverse
     # A window that ends flat can make a variance negative; one that falls from the start cannot.
     if (middle.diagonal() < 0).any() or (covariance.diagonal() < 0).any():
         covariance = inverse @ _pair_sum(pieces.slopes, gamma, reach, tapered=True) @ inverse
+    # The correlation time [samples], by the sum of the autocorrelation of the pieces.
     time = 1.0
     if gamma[0] > 0:
         time = max(_long_run(gamma, reach) / gamma[0], _MIN_CORRELATION_TIME) * pieces.size

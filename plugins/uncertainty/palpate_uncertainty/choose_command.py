@@ -197,14 +197,17 @@ def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Sou
 def _table(standings: Sequence[ModelStanding]) -> Table:
     """Return the table of models on the screen; "behind" is a BIC less that of the best model."""
     unit, factor = display_unit("Pa")
-    rows = [
-        [
+    rows = []
+    for item in standings:
+        elasticity = "-"
+        if item.elasticity is not None:
+            value, uncertainty = item.elasticity
+            elasticity = value_with_uncertainty(factor * value, factor * uncertainty)
+        cells = [
             item.model, f"{item.behind:.3g}", f"{100 * item.weight:.0f}", f"{item.held_out:.4f}",
-            f"{item.best_blocks} of {item.blocks}", f"{item.misfits} of {item.records}",
-            "-" if item.elasticity is None else value_with_uncertainty(*(factor * value for value in item.elasticity)),
-        ]
-        for item in standings
-    ]  # fmt: skip
+            f"{item.best_blocks} of {item.blocks}", f"{item.misfits} of {item.records}", elasticity,
+        ]  # fmt: skip
+        rows.append(cells)
     headings = [
         "model", "BIC behind", "weight\n%", "held out\nN", "best in\nblocks", "lack of fit\nrecords",
         f"elasticity\n{unit}",

@@ -42,7 +42,8 @@ def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> 
     `base` is the model fitted as it is, `null` the noise of the channel, `frequency` [Hz] that of an oscillation.
     The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
     likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers, less the
-    slopes of the model's own numbers, over its variance.
+    slopes of the model's own numbers, over its variance. It is divided by `null.excess`, by which slow means may vary
+    more than those of white noise, since the null is itself an estimate.
     """
     runs = course.runs[course.used]
     own_slopes, added_slopes = model_slopes(course, base), dict(_added_slopes(course, base, frequency))

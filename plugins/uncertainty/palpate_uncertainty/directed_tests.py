@@ -30,7 +30,8 @@ def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null)
     `base` is the model fitted as it is, `others` are the fitted alternatives, `null` is the noise of the channel.
     Under the model an alternative of m more numbers takes a chi square of m degrees of freedom from the sum of squares
     of the whitened residuals over their variance (Wilks 1938). This shows a pattern below the noise of single samples,
-    which means over bins or lags miss. The variance of slow means that the null leaves open divides it.
+    which means over bins or lags miss. The chi square is divided by `null.excess`: the null is itself an estimate, by
+    which slow means of the whitened residual may vary more than those of white noise.
     """
     residual = _whitened(base.residual, runs, null)
     n = max(len(residual), 1)
@@ -41,8 +42,8 @@ def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null)
         remainder = _whitened(other.residual, runs, null)
         variance = max(float(np.mean(remainder**2)), _SMALLEST_VARIANCE)
         gain = max(float(np.sum(residual**2)) / variance - len(residual), 0.0) / null.excess
-        bic = gain - other.extra * float(np.log(n))
-        tests[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic)
+        bic_gain = gain - other.extra * float(np.log(n))
+        tests[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic_gain)
     return tests
 
 

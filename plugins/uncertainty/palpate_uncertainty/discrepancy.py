@@ -122,7 +122,7 @@ def judge_misfit(
     names = [parameter.name for parameter in parameters]
     *uncertainties, surface = misfit.uncertainty(parameters).tolist()
     row = dict(zip(names, uncertainties, strict=True))
-    if not misfit.is_of_the_law:
+    if not misfit.is_of_the_law:  # a residual as large as the force itself
         flags = [_no_law(misfit, names)]
     elif misfit.wrong_facts:
         shifts = np.max([np.abs(misfit.explanations[fact].shifts) for fact in misfit.wrong_facts], axis=0)

@@ -257,7 +257,7 @@ def _explanations(
     """Return, by reason, the alternatives whose refit lowers the residual's variance [N^2].
 
     The gain, a chi square of as many degrees of freedom as the alternative adds numbers, is the decrease of the sum of
-    the `count` squares over the variance of the noise [N^2].
+    the `count` squares over the variance of the noise [N^2]. An alternative without numbers of its own counts as one.
     """
     explanations = {}
     for other in refitted.others:

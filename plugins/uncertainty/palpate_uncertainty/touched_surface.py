@@ -62,8 +62,8 @@ def surface_mismatch(track: TrackEvidence) -> Flag | None:
 def _distance(track: TrackEvidence, ending: TrackEnd, noise: float, touch_height: float) -> float:
     """Return the distance [m] of the surface from the heights at which the first touch may have been, 0 within them.
 
-    A change point notices the contact between no force and the noise [N]; without one it is noticed where the force
-    passes the threshold.
+    `ending` has the report on the first touch and the latest estimates. A change point notices the contact between no
+    force and the noise [N]; without one it is noticed where the force passes the threshold.
     """
     if ending.report.by_change_point:
         least_force, largest_force = 0.0, noise
