@@ -110,8 +110,9 @@ def _scaled_range(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return scale, start, lower and upper bound (p,) of a refit's unknowns, the last three over the scale.
 
-    The unknowns are the parameters, the shift of the surface, and the alternative's extra numbers. The scale of a
-    parameter is its value at the start, or 1 for a value of 0; that of an extra number is the range of its bounds.
+    `theta` (k,) are the values of the course's model from which the refit starts. The unknowns are the parameters, the
+    shift of the surface, and the alternative's extra numbers. The scale of a parameter is its value at the start, or 1
+    for a value of 0; that of an extra number is the range of its bounds.
     """
     sizes = np.where(theta != 0, np.abs(theta), 1.0)
     ranges = np.subtract(alternative.upper, alternative.lower)

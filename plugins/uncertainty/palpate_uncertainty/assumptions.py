@@ -102,9 +102,9 @@ def _errors(sensitivity: Along, declared: Mapping[str, Any]) -> Iterator[tuple[s
 def _percent(sensitivity: Along, error: Floats, path: tuple[str, ...] = ()) -> dict[str, float]:
     """Return by how many per cent an error (n,) [N] of the force moves each value, with its sign.
 
-    `path` are the keys of the number of the model that is in error, if it is one: what is derived from the parameters,
-    such as a modulus, also depends on this number itself. Empty where the samples do not distinguish parameters and
-    surface.
+    `sensitivity` has the derivatives of the model's force at the estimate. `path` are the keys of the number of the
+    model that is in error, if it is one: what is derived from the parameters, such as a modulus, also depends on this
+    number itself. Empty where the samples do not distinguish parameters and surface.
     """
     shifts = sensitivity.answer(error)
     if shifts is None:

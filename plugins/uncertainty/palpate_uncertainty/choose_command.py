@@ -93,7 +93,7 @@ def _of_source(
 
 
 def candidates(path: Path, source: Source) -> list[Candidate]:
-    """Return every model of a pipeline on one record; raises UserError."""
+    """Return every model of a pipeline on one record, which messages call `path`; raises UserError."""
     from palpate_engine import run_pipeline
 
     pipeline = build_pipeline(source)
@@ -170,7 +170,10 @@ def _suggested(log: Path) -> Source:
 
 
 def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Source:
-    """Return a pipeline with one fit of every candidate; raises ConfigurationError."""
+    """Return a pipeline with one fit of every candidate; raises ConfigurationError.
+
+    `requested` are names or types of models, all of the pipeline's if it is empty; messages call the pipeline `path`.
+    """
     tables = source.tables
     models: dict[str, Any] = tables.setdefault("model", {})
     requested = [name if name in models else registry.load().named("model", name) for name in requested]

@@ -39,11 +39,11 @@ class Score(NamedTuple):
 def scores(course: Course, base: Refit, null: Null, frequency: float | None) -> dict[str, Score]:
     """Return, by reason, the score of each alternative that adds numbers.
 
-    `base` is the model fitted as it is, `null` the noise of the channel, `frequency` [Hz] that of an oscillation.
-    The score of m numbers is chi square of m degrees of freedom where the model is right, and as the ratio of
-    likelihoods near it (Rao 1948): the share of the whitened residual along the slopes of these numbers, less the
-    slopes of the model's own numbers, over its variance. It is divided by `null.excess`, by which slow means may vary
-    more than those of white noise, since the null is itself an estimate.
+    `course` has the samples in contact, `base` is the model fitted to them as it is, `null` the noise of the channel,
+    `frequency` [Hz] that of an oscillation. The score of m numbers is chi square of m degrees of freedom where the
+    model is right, and as the ratio of likelihoods near it (Rao 1948): the share of the whitened residual along the
+    slopes of these numbers, less the slopes of the model's own numbers, over its variance. It is divided by
+    `null.excess`, by which slow means may vary more than those of white noise, since the null is itself an estimate.
     """
     runs = course.runs[course.used]
     own_slopes, added_slopes = model_slopes(course, base), dict(_added_slopes(course, base, frequency))

@@ -69,7 +69,7 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a sine in the force at standstill of the frequency at which the tip then oscillates.
 
-    It is hum, or an alias of it.
+    It is hum, or an alias of it. `sensitivity` has the derivatives of the model's force in contact.
     """
     used = track.kept.used & np.isfinite(track.kept.position)
     motion = oscillation(track.kept.time[used], track.kept.position[used])
@@ -173,6 +173,7 @@ def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
 def _adhesion_flags(track: TrackEvidence, by_motion: _MotionForce, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a pull on the way out, before the force is zero again; its effect is that of a sticky sphere.
 
+    `by_motion` has the weights of a force in air with speed and height, of which that with the speed is subtracted.
     From the pull P = 1.5 pi w R follows the work of adhesion w, and from that the depth sqrt(2 pi w a/E*) by which a
     contact of radius a is less deep than one without adhesion (Johnson, Kendall and Roberts 1971).
     """

@@ -94,7 +94,11 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _judge_point(track: TrackEvidence, course: Course) -> Diagnosed:
-    """Return what least squares and the Cramer-Rao bound add to the uncertainty of one value for each parameter."""
+    """Return what least squares and the Cramer-Rao bound add to the uncertainty of one value for each parameter.
+
+    `course` has the samples that the track used. Indexed by parameter (k,) are the distance of the track's value from
+    least squares, the bound of its standard deviation, and what is made of them.
+    """
     comparison = _RefitComparison.of(track, course)
     names, is_free = comparison.names, comparison.is_free
     distance, bound = comparison.distance, comparison.bound
@@ -193,7 +197,7 @@ def _slides(track: TrackEvidence) -> bool:
 
 
 def _judge_sweep(track: TrackEvidence, course: Course) -> Diagnosed:
-    """Return the flag where the one value of an estimator fails on a stretch of a sweep."""
+    """Return the flag where the one value of an estimator fails on a stretch of a sweep; `course` has all of it."""
     if not _slides(track):
         return Diagnosed()
     distance, bound = _stretches(track, course)

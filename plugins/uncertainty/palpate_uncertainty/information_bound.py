@@ -77,6 +77,7 @@ def steady(tail: Tail) -> NDArray[np.bool_]:
 def correlation(tail: Tail) -> tuple[int, float]:
     """Return lag [samples] and value of the largest autocorrelation of the innovations; (0, 0) of too few.
 
+    `tail` has the estimates and innovations at the end of a track.
     White innovations have none beyond 1/sqrt(n): they cannot be predicted from the samples before (Mehra 1970).
     """
     innovation = tail.innovation[np.isfinite(tail.innovation) & steady(tail)]
@@ -94,8 +95,9 @@ def correlation(tail: Tail) -> tuple[int, float]:
 def bounds_of_refit(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
     """Return the Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and names without an effect.
 
-    The bounds are noise times the roots of the diagonal of (J^T J)^-1, the noise that of the refit's residual. A
-    parameter on which the force does not depend is without an effect; its bound, which is infinite, is written as 0.
+    `best` is the model fitted to the samples of `course`, the last of the correlations is of the surface. The bounds
+    are noise times the roots of the diagonal of (J^T J)^-1, the noise that of the refit's residual. A parameter on
+    which the force does not depend is without an effect; its bound, which is infinite, is written as 0.
     """
     reduced = course if course.model.memory else course.reduced(_MAX_SAMPLES)
     slopes = _slopes(reduced, best)[reduced.used]

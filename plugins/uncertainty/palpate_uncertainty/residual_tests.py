@@ -154,7 +154,10 @@ def _residual(track: TrackEvidence, course: Course) -> Floats:
 
 
 def _tests(track: TrackEvidence, course: Course, residual: Floats, noise: ForceNoise) -> ResidualTests:
-    """Return the tests of a residual (n,) [N] in contact, and of the air around it, against a noise of the force."""
+    """Return the tests of a residual (n,) [N] in contact, and of the air around it, against a noise of the force.
+
+    `course` has the samples in contact; the rows that are tested are these, then those in air.
+    """
     rows = JudgedRows.of(track, course)
     tested = _projected_residual(track, rows, residual, noise)
     # Over bins of time, depth, speed and air any pattern would show.
@@ -198,7 +201,10 @@ class _AlternativeTests:
 
 
 def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int) -> _AlternativeTests:
-    """Return the tests along each alternative that would show at its typical size, next to so many tests over bins."""
+    """Return the tests along each alternative that would show at its typical size, next to so many tests over bins.
+
+    `rows` has, for the samples of the tested residual, the derivatives of the force by each alternative.
+    """
     patterns = [*rows.patterns()]
     visible: dict[str, tuple[Floats, float, Directions]] = {}
     for (cause, columns, typical), directions in zip(patterns, tested.along_each(patterns), strict=True):

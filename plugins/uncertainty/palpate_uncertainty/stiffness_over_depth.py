@@ -58,8 +58,9 @@ def _table(track: TrackEvidence) -> dict[str, Any]:
 def _slopes(track: TrackEvidence, rows: NDArray[np.bool_], edges: Sequence[float], modulus: float) -> list[Slope]:
     """Return the modulus between each two edges [m] of the depth; empty if one has too few samples.
 
-    The force less its viscous part is compared with that of a unit modulus at rest, of the way in alone: the way out of
-    a material that dissipates has another slope.
+    `rows` (n,) are the kept samples that are judged, `modulus` is the track's own one. The force less its viscous part
+    is compared with that of a unit modulus at rest, of the way in alone: the way out of a material that dissipates has
+    another slope.
     """
     depth, rate = (track.surface - track.kept.position)[rows], -track.kept.velocity[rows]
     theta = track.values.tolist()

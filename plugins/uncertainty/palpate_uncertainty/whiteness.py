@@ -83,7 +83,8 @@ def whiteness_tests(values: Floats, runs: Runs, depth: Floats, phase: Floats | N
 def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     """Return p of Ljung and Box's test over 50 lags, within the runs, and the power of a slow sine that would give it.
 
-    With n values, n_k pairs at lag k, and their autocorrelations r_k, the statistic is
+    `null` is the noise that has whitened the values. With n values, n_k pairs at lag k, and their autocorrelations r_k,
+    the statistic is
 
         Q = n (n + 2) sum_(k = 11 .. 60) r_k^2/n_k  /  ((1 + 2 sum_(k = 1 .. 10) r_k^2) (1 + n/n0)).
 

@@ -23,7 +23,7 @@ SETTLED = 0.02  # of the zero, by which it changes from one refit to the next
 
 
 def zeroed_in_contact(track: TrackEvidence, end: TrackEnd) -> Iterator[Flag]:
-    """Yield the flag of a zero that was taken where the model has a force.
+    """Yield the flag of a zero that was taken where the model has a force; `end` has the report on that zero.
 
     A tip that is at depth d when the force is zeroed reads F(d) too little ever after; the fitted surface is below the
     real one and still above the tip.

@@ -49,7 +49,7 @@ def fit_with_delay(record: TimedRecord, law: ResponseLaw, delay: float, inflatio
 
 
 def _fit_law(record: TimedRecord, law: ResponseLaw, fixed_delay: float | None, inflation: float) -> DelayFit:
-    """Return a law fitted by variable projection: the weights of its columns follow from the other unknowns.
+    """Return a law fitted to a record by variable projection: its columns' weights follow from the other unknowns.
 
     These are the surface, the delay unless it is fixed [s], and the law's nonlinear parameters. `inflation` is the
     variance of a mean of the residuals over that of white ones.

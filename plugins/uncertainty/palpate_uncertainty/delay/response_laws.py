@@ -67,7 +67,8 @@ def _power_law_columns(record: TimedRecord, elastic: int, has_spring: bool) -> C
     """Return the columns of a modulus that fades by a power t^-a of time, with a spring in parallel or without one.
 
     The power is a sum of branches of the times t_i, four a decade, with the shares t_i^-a; a is the law's nonlinear
-    parameter. `elastic` is the place of the elastic parameter among those of the model.
+    parameter. `elastic` is the place of the elastic parameter among those of the model; the record has the interval
+    of its samples, `step` [s].
     """
     shortest, longest = record.step / _TIME_MARGIN, _TIME_MARGIN * record.course.span
     times = 10.0 ** np.arange(np.log10(shortest), np.log10(longest), 1.0 / _TIMES_PER_DECADE)

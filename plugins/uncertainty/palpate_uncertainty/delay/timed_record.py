@@ -128,8 +128,9 @@ class TimedRecord:
 def _smooth_motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, Floats, int]:
     """Return rate (n,) [m/s] and acceleration (n,) [m/s^2] of the depth, and the window [samples] that smooths them.
 
-    The rate is the mean of the height's slope and the velocity, each weighted by the other's noise variance, over the
-    shortest window that leaves a noise of 2 % of the RMS rate.
+    `course` numbers the stretches of samples without a gap (`runs`), `step` [s] is the interval of samples. The rate is
+    the mean of the height's slope and the velocity, each weighted by the other's noise variance, over the shortest
+    window that leaves a noise of 2 % of the RMS rate.
     """
     depth, speed = -track.kept.position, -track.kept.velocity
     max_noise = _MAX_NOISE_SHARE * float(np.sqrt(np.mean(speed[course.used] ** 2)))
