@@ -27,7 +27,8 @@ def stated_sources(
 ) -> tuple[UncertaintySource, ...]:
     """Return the sources that `systematic` states of the model, the readings, and `fixed` unknowns by name and unit.
 
-    Raises ConfigurationError where one does not exist or has a wrong unit.
+    `stated` has the standard uncertainties by name, as numbers [SI] or texts with a unit. Raises ConfigurationError
+    where a name does not exist or has a wrong unit.
     """
     if {"delay", "timing"} & stated.keys():
         raise ConfigurationError(

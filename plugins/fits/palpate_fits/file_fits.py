@@ -121,7 +121,10 @@ def fit_files(request: FitRequest, stated: StatedFacts) -> None:
 
 
 def _source_files(sources: Sequence[Path], stated: StatedFacts, curve: str | None, jobs: int | None) -> SourceFiles:
-    """Return the records among the sources, or the one that is named; raises ConfigurationError without any."""
+    """Return the records among the sources, or the one that is named; raises ConfigurationError without any.
+
+    `stated` has the facts and settings that a person has stated, `curve` is the name of the one record.
+    """
     part_registry = registry.load()
     logs = logs_among(sources, part_registry)
     work = partial(_records_of_logs, reader_keys(stated.settings))
@@ -148,7 +151,11 @@ def _whole_log(log: Path) -> list[LogPart]:
 
 
 def _groups(files: Sequence[LogPart], facts: FileFacts, request: FitRequest) -> tuple[FileGroups, FileFacts]:
-    """Return the files by how they are read; on a terminal with what was answered to all questions about them."""
+    """Return the files by how they are read, and the facts; on a terminal with the answers to questions about them.
+
+    `facts` has what is stated of all files and of each. An answer may raise another question, so that files are looked
+    at until no question is new.
+    """
     asking = is_asking() and not request.as_json
     answered: set[FileQuestion] = set()
     certain: dict[LogPart, FileReading] = {}
@@ -197,7 +204,7 @@ def _fitted_files(path: Path, files: SourceFiles, groups: FileGroups, named: Ent
 
 
 def _command(request: FitRequest, stated: StatedFacts) -> str:
-    """Return the command line that fits the same files, but for its folder."""
+    """Return the command line that fits the same files with the same facts, but for its folder."""
     facts = stated.facts.model_dump(include=set(stated.of_options))
     arguments = ["palpate", "fit", *(_no_option(str(source)) for source in request.sources)]
     for key, text in facts.items():
@@ -214,7 +221,10 @@ def _command(request: FitRequest, stated: StatedFacts) -> str:
 
 
 def _show(fitted: FittedFiles, files: SourceFiles, request: FitRequest, command: str) -> None:
-    """Print what was assumed, the rows, what is a guess, and commands that go on from here."""
+    """Print what was assumed, the rows, what is a guess, and commands that go on from here.
+
+    `fitted` has the folder of fits and the rows of the files in it, `command` is the line that repeats these fits.
+    """
     rows, folder, part_registry = fitted.rows, fitted.folder, registry.load()
     pipeline = fitted.groups[0].pipeline
     kinds = pipeline_counts(folder, (row["curve"] for row in rows if not row.get("error")))

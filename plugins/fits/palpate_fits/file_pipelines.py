@@ -127,7 +127,8 @@ def _readings(
 ) -> dict[LogPart, FileReading]:
     """Return how each file is read, by its contents and what is stated of it; many are looked at by several processes.
 
-    What is `certain` already is not looked at again, and what turns out to be is added to it.
+    `facts` has what is stated of all files and of each, `choices` the columns of roles. What is `certain` already is
+    not looked at again, and what turns out to be is added to it.
     """
     settings = facts.stated.settings
     stated, stated_keys = _stated(settings), reader_keys(settings)
@@ -206,7 +207,10 @@ def file_groups(
 def _file_group(
     alike: AlikeLogs[LogPart], parts: Mapping[str, Any], stated: StatedFacts, by_file: Mapping[LogPart, Suggestion]
 ) -> FileGroup:
-    """Return the pipeline of files that are read alike, with the guesses in it; raises ConfigurationError."""
+    """Return the pipeline of files that are read alike, with the guesses in it; raises ConfigurationError.
+
+    `parts` are the tables of tip, model and fit; `by_file` has the suggestion how each file is read.
+    """
     first, suggestion = alike.logs[0], alike.suggestion
     settings = _stated(stated.settings)
     path = Path(f"pipeline of {first.name}")
@@ -285,8 +289,11 @@ def _parts(tip: dict[str, Any], model: str, part_registry: Registry) -> dict[str
 
 
 def _tables(suggestion: Suggestion, file: Path, parts: Mapping[str, Any], stated: Mapping[str, str]) -> dict[str, Any]:
-    """Return the tables of the pipeline; units, delays and tare that neither file nor user states are assumed, and
-    flagged."""
+    """Return the tables of the pipeline that a suggestion makes of a file, with the `parts` it is to be fitted with.
+
+    Units, delays and tare that neither the file nor a person states are assumed, and flagged; `stated` has the settings
+    of the person by key.
+    """
     roles = [role for role in _TIMED if role in suggestion.alignment]
     timed = any(f"alignment.{role}.{key}" in stated for role in roles for key in ("delay", "uncertainty"))
     assumed = ["alignment.tare"] if "alignment.tare" not in stated else []

@@ -33,8 +33,8 @@ class FileQuestion:
 def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQuestion | None:
     """Return the first question on a file that only a person can answer; None if nothing is missing.
 
-    What is missing comes first, then columns of which each may be a role, then units that were guessed. Keys in
-    `stated` are not asked for.
+    `suggestion` says how the file would be read. What is missing comes first, then columns of which each may be a role,
+    then units that were guessed. Keys in `stated` are not asked for.
     """
     for text in suggestion.blanks:
         key, _, _ = text.partition(": ")
@@ -54,7 +54,10 @@ def question_of_file(suggestion: Suggestion, stated: Mapping[str, str]) -> FileQ
 
 
 def _question_of_blank(suggestion: Suggestion, text: str) -> FileQuestion:
-    """Return the question on a key of the reader that a file leaves blank, by a text "key: problem"."""
+    """Return the question on a key of the reader that a file leaves blank, by a text "key: problem".
+
+    `suggestion` says how the file would be read, with the columns as they were recorded (`views`).
+    """
     key, _, problem = text.partition(": ")
     if key == POSITION_OF:
         advice = f"{text}; say it with --{key}"

@@ -50,7 +50,8 @@ def show_rows(
 ) -> None:
     """Print the values of each file, the errors of reading, the findings with their counts, and the open facts.
 
-    `parts` is the registry of parts, `advice` are more lines of help by the option of a remedy.
+    `rows` has the values of each file by name, or the error of reading it; `parts` is the registry of parts, `advice`
+    are more lines of help by the option of a remedy.
     """
     model = pipeline.tracks[0].model
     table = row_table(rows, model, parts)

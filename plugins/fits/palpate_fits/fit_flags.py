@@ -70,8 +70,9 @@ def _is_zero_viscosity(fit: FitOutcome, place: int) -> bool:
 def _residual_flags(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[Flag]:
     """Yield the flags of a residual that is more than noise, or that correlates over many samples.
 
-    The noise is that of the force in air, together with that of its last digit; where the record has no air, the white
-    noise of the residual itself. In contact the noise of the height adds to that of the air.
+    `scatter` has the size and correlation of the residuals. The noise is that of the force in air, together with that
+    of its last digit; where the record has no air, the white noise of the residual itself. In contact the noise of the
+    height adds to that of the air.
     """
     rms = float(np.sqrt(scatter.rss / max(scatter.samples, 1)))
     approach = fit.by_force.approach

@@ -175,7 +175,10 @@ def all_sources(track: TrackResult, fit_rows: Sequence[BudgetRow]) -> list[Budge
 
 
 def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> RenderableType:
-    """Return the table of sources: standard uncertainty, and for each parameter sensitivity and contribution."""
+    """Return the table of sources: standard uncertainty, and for each parameter sensitivity and contribution.
+
+    `rows` are the sources of the budget, each with its effects by parameter.
+    """
     from rich.table import Table
 
     names = [name for name in track.parameters if name in rows[0].effects]

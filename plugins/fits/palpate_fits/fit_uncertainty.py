@@ -93,7 +93,10 @@ def _identifiability(fit: FitOutcome, sensitivity: FitSensitivity) -> dict[str, 
 def _budget(
     fit: FitOutcome, sensitivity: FitSensitivity, residual_scatter: ResidualScatter
 ) -> tuple[list[BudgetRow], Floats]:
-    """Return the rows of the budget, and the standard uncertainty (p,) by all but the random and the timing row."""
+    """Return the rows of the budget, and the standard uncertainty (p,) by all but the random and the timing row.
+
+    `sensitivity` gives the shifts of the free unknowns by an error of the force.
+    """
     free, names = list(fit.residual.free), fit.unknowns.names
     values = {names[place]: float(fit.solution.x[place]) for place in free}
     random = np.sqrt(residual_scatter.covariance.diagonal()).tolist()

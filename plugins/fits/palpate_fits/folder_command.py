@@ -98,7 +98,10 @@ def _report_listed(folder: FitFolder, overrides: Sequence[str]) -> None:
 
 
 def _show(path: Path, count: int, change: FitRequest, refused: Mapping[str, str]) -> None:
-    """Print the rows, and how many curves were fitted; exit 1 where one failed or could not be read."""
+    """Print the rows, and how many curves were fitted; exit 1 where one failed or could not be read.
+
+    `refused` has the reasons why new files cannot be read, by name.
+    """
     folder = FitFolder(path)
     if change.where is None:
         list_unread(folder.table, refused, [*folder.names, *refused])

@@ -145,8 +145,9 @@ def _field(signal: Mapping[str, Any]) -> str:
 def _pipeline(folder: FitFolder, tables: Mapping[str, Any], suggestion: Suggestion) -> Pipeline:
     """Return the pipeline of a dialect with another device, and what its record suggests where nobody has stated it.
 
-    The record's own are the places along the skin, and the tare where that of the dialect was assumed. Of the gap
-    between readings the longer one is taken.
+    `suggestion` says how the record would be read by itself, `tables` are those of the dialect. The record's own are
+    the places along the skin, and the tare where that of the dialect was assumed. Of the gap between readings the
+    longer one is taken.
     """
     record_keys = _PLACES if "alignment.tare" not in tables["run"].get("assumed", ()) else (*_PLACES, *_OF_RECORD)
     alignment = {key: value for key, value in tables["alignment"].items() if key not in record_keys}

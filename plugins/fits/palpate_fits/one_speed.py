@@ -38,6 +38,7 @@ class OneSpeedInterval:
 def one_speed_intervals(fit: FitOutcome, scatter: ResidualScatter) -> Iterator[tuple[int, OneSpeedInterval]]:
     """Yield each viscosity that a record determines by its own size alone, by its place among the free.
 
+    `scatter` has the residuals' size and the covariance of the free unknowns by them.
     F = E a(d) + eta b(d) d' with b proportional to the slope of a: at one speed eta d' b(d) is the force of a surface
     that is higher, and the two differ by the square of eta alone. Noise then looks like a viscosity, and the curvature
     of the misfit there understates its uncertainty. If the estimate is within two of the uncertainties that it would

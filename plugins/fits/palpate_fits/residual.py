@@ -201,8 +201,9 @@ class _MemoryResidual:
 def _memory_step(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
     """Return state, next state, and residual with slopes of one sample, of a model with memory.
 
-    The state is the memory m (c,) and its slopes S = dm/dx (c, p) by the free parameters. With m+ = g(m, x) one
-    interval later, S+ = g_m S + g_x; the residual r(m+, x) has the slopes r_x + r_m S+.
+    `row` has the sample and its predecessor's motion, `x` the parameters. The state is the memory m (c,) and its slopes
+    S = dm/dx (c, p) by the free parameters. With m+ = g(m, x) one interval later, S+ = g_m S + g_x; the residual r(m+,
+    x) has the slopes r_x + r_m S+.
     """
     import casadi as ca
 

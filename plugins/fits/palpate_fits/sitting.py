@@ -122,7 +122,10 @@ def _is_open(stated: StatedFacts, key: str) -> bool:
 
 
 def _open_facts(facts: FileFacts, groups: Sequence[FileGroup]) -> Iterable[OpenFact]:
-    """Return the open facts of the first curves that can be fitted; without any, those that a contact needs."""
+    """Return the open facts of the first curves that can be fitted; without any, those that a contact needs.
+
+    Three curves of the groups of files that are read alike are fitted for it.
+    """
     tracks: list[TrackResult] = []
     curves = [(group, curve) for group in groups for curve in group.curves[:_TRIALS]][:_TRIALS]
     for group, curve in curves:

@@ -300,7 +300,10 @@ class FitTracker:
         return unknowns.changed("surface", lower=max(item.lower, lowest))
 
     def _record(self, samples: Samples, rows: Rows, motion: TipTravel, course: RecordCourse) -> FitRecord:
-        """Return the columns of the fitted samples; for a model with memory all up to the last, as their history."""
+        """Return the columns of the fitted samples; for a model with memory all up to the last, as their history.
+
+        `rows` (n,) are the fitted samples, `motion` is smoothed without a delay, `course` has the travel in contact.
+        """
         # The weights of the samples; those of a memory's past alone are 0.
         weight = rows.astype(float)
         if self._settings.weights == "depth":

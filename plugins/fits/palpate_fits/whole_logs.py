@@ -121,7 +121,11 @@ def _folder(out: Path | None, names: Sequence[str]) -> Path:
 
 
 def _show(logs: Sequence[LogFit], document: dict[str, Any], folder: Path, details: bool) -> None:
-    """Print the fits: the facts, the values with their verdicts, with `details` all numbers."""
+    """Print the fits: the facts, the values with their verdicts, with `details` all numbers.
+
+    `document` is that of ``fit.json`` in the folder, with the rows of the evaluation on other logs and of single
+    cycles.
+    """
     terminal = console(_DETAILS_WIDTH) if details else console()
     tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
     if layout() == "table":
