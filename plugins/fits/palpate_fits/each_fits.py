@@ -78,6 +78,7 @@ def fit_each(request: FitRequest) -> None:
     if request.by is None:
         path = _fit_files(request, curves, stated)
     else:
+        # One log, in which a channel separates the curves.
         path = _folder(request)
         stream = curves_by(curves.logs, request.by) if request.fitting else ()
         fit_stream(path, curves.pipeline, curves.reader, stream, _pool(request, path))

@@ -115,7 +115,10 @@ def _unknowns(track: TrackResult) -> Iterator[tuple[str, str]]:
 
 
 def _row(track: TrackResult, names: Sequence[str]) -> list[str]:
-    """Return the cells of a track: its unknowns of these names, then `_NUMBERS`, then its flags."""
+    """Return the cells of a track: its unknowns of these names, then `_NUMBERS`, then its flags.
+
+    The numbers are surface, sum of squares, RMS, AIC, BIC, autocorrelation, samples, and how many of these independent.
+    """
     codes = " ".join(sorted({flag.code for flag in track.flags}))
     report = track.report
     if not track.usable or (report is None and not any(math.isfinite(f.value) for f in track.parameters.values())):

@@ -46,27 +46,27 @@ def add_new_files(path: Path) -> tuple[list[str], dict[str, str]]:
     UserError for a folder of fits that is damaged.
     """
     folder = FitFolder(path)
-    place = folder.curves_folder
-    if place is None or not place.is_dir():
+    curves_folder = folder.curves_folder
+    if curves_folder is None or not curves_folder.is_dir():
         return [], {}
-    kinds_of_parts = registry.load()
+    part_registry = registry.load()
     listed = {(curve.file, curve.record) for curve in folder.curves()}
-    prefix = _prefix(folder, place)
+    prefix = _prefix(folder, curves_folder)
     added: list[str] = []
     refused: dict[str, str] = {}
     # Each file, or record of a file, that the folder does not list; its name is relative to the curves' folder.
-    for record in _records_below(place, kinds_of_parts):
+    for record in _records_below(curves_folder, part_registry):
         if (str(record.path), record.part) in listed:
             continue
-        name = f"{prefix}{LogPart(record.path.relative_to(place), record.part)}"
+        name = f"{prefix}{LogPart(record.path.relative_to(curves_folder), record.part)}"
         curve = Curve(name, str(record.path), record=record.part)
-        facts = file_facts([place], [curve], StatedFacts(RigFacts(), path / RIG))
+        facts = file_facts([curves_folder], [curve], StatedFacts(RigFacts(), path / RIG))
         try:
-            dialect = _dialect(folder, record, facts.of(name).facts, kinds_of_parts)
+            dialect = _dialect(folder, record, facts.of(name).facts, part_registry)
         except UserError as error:
             refused[name] = str(error).removeprefix(f"{record.path}: ")
             continue
-        add_curves(path, [curve], dialect, facts.cells, place)
+        add_curves(path, [curve], dialect, facts.cells, curves_folder)
         added.append(name)
         folder = FitFolder(path)  # read again: the dialect of the next curve may be one that this one has brought
     return added, refused

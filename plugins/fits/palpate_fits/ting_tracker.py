@@ -175,7 +175,7 @@ class TingTracker:
     def _fitted_estimates(self, samples: Samples, rows: NDArray[np.bool_], solution: _TingSolution) -> Estimates:
         """Return the estimates, flags and report of a converged fit: constant in the rows (n,), idle elsewhere."""
         theta, jacobian = solution.theta, solution.jacobian
-        # Arms that may change places, in the order of their times; a fixed parameter keeps its place.
+        # Relaxation arms that may change places, in the order of their times; a fixed parameter keeps its place.
         if self._free.all():
             order = places_in_order(self._problem.model, theta)
             theta = theta[order]

@@ -150,10 +150,12 @@ class FitTracker:
 
         Appends to the notes; raises NotFitted for too few samples, or without a surface where a method is to find it.
         """
+        # A record in which nothing shows air counts as contact from its first sample.
         begins_in_contact = cache(partial(self._begins_in_contact, samples))
         is_without_air = self._problem.force_zero != "air" and begins_in_contact()
         if is_without_air:
             samples = touching_from_start(samples)
+        # The heights of first touch and deepest point with the cycles; rate and acceleration by a symmetric window.
         course = passage(samples)
         motion = zero_phase_motion(samples, self._settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)

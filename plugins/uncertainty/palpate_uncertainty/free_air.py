@@ -69,7 +69,8 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     """Yield a flag for a sine in the force at standstill of the frequency at which the tip then oscillates.
 
-    It is hum, or an alias of it. `sensitivity` has the derivatives of the model's force in contact.
+    It is hum, or an alias of it. The `motion` has frequency [Hz] and phases; `sensitivity` has the derivatives of the
+    model's force in contact.
     """
     used = track.kept.used & np.isfinite(track.kept.position)
     motion = oscillation(track.kept.time[used], track.kept.position[used])
@@ -78,7 +79,7 @@ def _hum_flags(track: TrackEvidence, sensitivity: Along) -> Iterator[Flag]:
     force, time = standstill_force[is_finite], track.air_time[: len(is_finite)][is_finite]
     if motion is None or len(force) < _MIN_SAMPLES or motion[0] * (time[-1] - time[0]) < _MIN_CYCLES:
         return
-    # Amplitude at standstill; `oscillation` returns frequency [Hz] and phases.
+    # Amplitude at standstill.
     frequency = motion[0]
     angle = 2.0 * np.pi * frequency * time
     weights, errors = _regression(np.column_stack([np.sin(angle), np.cos(angle)]), force)

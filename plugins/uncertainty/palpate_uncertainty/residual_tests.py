@@ -63,7 +63,8 @@ class ResidualTests:
 def residual_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTests | None:
     """Return the tests of a fit; None where its residual is not known, or the noise is open.
 
-    What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model.
+    What is tested is the residual that the fit reports, and in the rest of the `contact` (n,) that of its model. Tests
+    that fail are repeated with what the fit holds fixed set free.
     """
     report, kept = track.report, track.kept
     rows = contact & ~_disturbed(track)

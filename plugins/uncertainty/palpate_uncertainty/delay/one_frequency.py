@@ -35,8 +35,8 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 def one_frequency_text(track: TrackEvidence) -> str:
     """Return a sentence on a viscosity that was measured at one frequency alone; empty where that does not matter.
 
-    At one frequency a stiffness that relaxes looks like a viscosity. The sentence says how large a viscosity a tenth of
-    the stiffness would look like, for each that this makes more than a tenth of.
+    At one frequency a stiffness that relaxes looks like a viscosity. The sentence says how much of a viscosity may be a
+    tenth of the stiffness that relaxes, if that is more than a tenth of the viscosity.
     """
     table = _fading_table(track) if track.ending is not None and not track.model.memory else {}
     if not table or not one_line(track):
