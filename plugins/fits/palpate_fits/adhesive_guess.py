@@ -27,7 +27,7 @@ def adhesive_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -
     last two grids take up to 20 000 samples: the force jumps where the tip touches, so that the solvers cannot pass a
     sample.
     """
-    # The heights of the surface that are tried: within the record and above it, or the one that is held.
+    # The heights of the surface that are tried first: within the record, or the one that is held.
     surface = unknowns.items[unknowns.index("surface")]
     is_held = surface.value is not None
     lowest, span = float(record.height.min()), float(np.ptp(record.height))

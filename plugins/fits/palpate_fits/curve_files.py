@@ -43,7 +43,7 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
             raise ConfigurationError(
                 f"--by {channel}: the log must be one stream with that channel (there are: {', '.join(names)})"
             )
-        with log.connect(0) as link:
+        with log.connect(0) as link:  # a seed, which a log does not use
             for batches in _split(link.batches(), names.index(channel)):
                 yield Curve(f"{count}", batches=batches)
                 count += 1

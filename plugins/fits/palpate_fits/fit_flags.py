@@ -98,7 +98,8 @@ def _identifiability_flags(evaluated: FitWithUncertainty, total: Floats) -> Iter
     """
     for name in evaluated.identifiability["without_effect"]:
         yield Flag("not-identifiable", f"{name} has no effect on the force in this record")
-    # With a correlation of 0.9, from which on a pair is listed, a value is 2.3 times better known where the skin is.
+    # With a correlation of 0.9, from which on a pair is listed, a value is 1/sqrt(1 - 0.9^2) = 2.3 times better known
+    # where the skin is.
     fitted_pairs = [pair for pair in evaluated.identifiability["pairs"] if pair["both_fitted"]]
     helped_by_skin: set[str] = set()
     for pair in fitted_pairs:

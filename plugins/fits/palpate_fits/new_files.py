@@ -107,6 +107,7 @@ def _dialect(folder: FitFolder, part: LogPart, facts: RigFacts, part_registry: R
         except UserError as error:
             problem = error
             continue
+        # A dialect whose pipeline has the same settings of the reader.
         if name is not None and not differences(text, folder.settings_text(name), reading_keys(DEVICE)):
             return name
         new_text = new_text or text

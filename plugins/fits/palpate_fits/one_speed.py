@@ -115,7 +115,7 @@ def _std_if_none(fit: FitOutcome, scatter: ResidualScatter, j: int) -> tuple[flo
     square = fit.residual.normal(record, x)[1:, 1:] * (len(fit.record) / max(len(record), 1))
     lengths = np.sqrt(square.diagonal())
     if not lengths[j] > 0:
-        return np.inf, 1.0
+        return np.inf, 1.0  # without a slope the search for an end begins with a step of 1 [SI]
     lengths[~(lengths > 0)] = 1.0
     scaled = square / (lengths[:, None] * lengths)
     other_unknowns = np.delete(np.arange(len(scaled)), j)

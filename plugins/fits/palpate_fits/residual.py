@@ -238,7 +238,7 @@ def _next_memory(model: ContactModel, row: Any, x: Any, transition: Any, memory:
     interval, height, height_before, rate_before = (row[len(PARTS) + i] for i in range(4))  # the history
     depth_before = surface - height_before - delay * rate_before
     depth = surface - height - delay * current_rate
-    rate = (depth - depth_before) / ca.if_else(interval > 0, interval, 1.0)
+    rate = (depth - depth_before) / ca.if_else(interval > 0, interval, 1.0)  # the first sample has an interval of 0
 
     def memory_rate(share: float, state: Any) -> Any:
         """Return the time derivative of a memory (c,) after a share of the interval."""

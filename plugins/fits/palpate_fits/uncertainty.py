@@ -93,6 +93,7 @@ def _sum_pieces(residual: Residual, record: FitRecord, x: Floats, loss: LossFunc
     squares of third differences.
     """
     p = len(residual.free)
+    # Pieces of equally many samples, the quotient rounded up.
     sums, piece_sums = _ErrorSums(), _PieceSums(size=-(-len(record) // _MAX_ROWS), remainder=np.zeros((0, 1 + p)))
     normal = np.zeros((p, p))
     is_whole = bool(record.used.all())

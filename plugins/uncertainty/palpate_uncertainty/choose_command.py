@@ -193,7 +193,7 @@ def with_candidates(source: Source, path: Path, requested: Sequence[str]) -> Sou
         fit = _FIT
         estimators[fit] = {"type": _FIT}
     tables.setdefault("run", {})["tracks"] = [f"{name}/{fit}" for name in names]
-    tables.pop("sink", None)
+    tables.pop("sink", None)  # the samples are recorded already
     return source
 
 

@@ -55,6 +55,7 @@ def rank_models(candidates: Sequence[Candidate]) -> list[ModelStanding]:
 
     behind = _total_behind(names, groups)
     weights = _weights(behind)
+    # Of each record and each held-out block, the model that predicts it best.
     winners = [winner for group in groups for winner in _winners(group)]
     standings = []
     for name in names:

@@ -212,7 +212,11 @@ class JudgedRows:
         return np.asarray((self.time - self.time.min()) / max(float(np.ptp(self.time)), _MIN_SPAN))
 
     def _of_the_material(self) -> Iterator[tuple[Any, ...]]:
-        """Yield cause, typical size and derivative (n,) of what material or surface may do otherwise."""
+        """Yield cause, typical size and derivative (n,) of what material or surface may do otherwise.
+
+        The size times the derivative is a force [N]. An infinite size is one that is always tested; `_since` is the
+        time in parts of the record.
+        """
         elastic, deepest = self._elastic, float(np.max(self.depth))
         part = np.maximum(self.depth, _MIN_DEPTH) / deepest
         # d^(p + q) = d^p (1 + q ln d) for a small q.
@@ -232,7 +236,10 @@ class JudgedRows:
             yield "unloading that is softer", _TYPICAL_FADING, -elastic * outward
 
     def _of_the_rig(self) -> Iterator[tuple[Any, ...]]:
-        """Yield cause, typical size and derivative (n,) of what a wrong fact of the rig does."""
+        """Yield cause, typical size and derivative (n,) of what a wrong fact of the rig does.
+
+        The size times the derivative is a force [N]; an infinite size is one that is always tested.
+        """
         end = self.track.ending
         max_force, deepest = float(np.max(np.abs(self.force))), float(np.max(self.depth))
         if end is not None and end.settings.timing_uncertainty is not None:

@@ -126,6 +126,7 @@ def _kelvin_voigt_values(
     units = unit_forces(record.course, surface)[record.rows]
     up, down = (unit_forces(record.course, surface + side)[record.rows] for side in (SURFACE_STEP, -SURFACE_STEP))
     values = np.linalg.lstsq(units, target, rcond=None)[0]
+    # The slopes by both parameters, and by the surface, which the values do not include.
     columns = np.column_stack([units, (up - down) @ values / (2 * SURFACE_STEP)])
     lengths = np.linalg.norm(columns, axis=0)
     return np.asarray((np.linalg.lstsq(columns / lengths, target, rcond=None)[0] / lengths)[:2])

@@ -115,7 +115,7 @@ def _compare_laws(track: TrackEvidence) -> _LawComparison:
     law = kelvin_voigt()
     first = fit_delay(record, law, 1.0)  # as if the residuals were white
     record = record.with_inertia(first.delay)
-    _, residual = record.solved(law, first.surface, first.delay, np.zeros(0))
+    _, residual = record.solved(law, first.surface, first.delay, np.zeros(0))  # no nonlinear parameters
     inflation = variance_inflation(residual)
 
     fits = [fit_delay(record, law, inflation) for law in simple_laws(record, elastic)]
