@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -50,20 +49,27 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
 
 
 def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]:
-    """Yield batches cut where a column changes, those of one value together."""
+    """Yield batches cut where the mark in a column changes, those of one mark together; a missing one is no change."""
     waiting: list[Batch] = []
+    latest_mark = np.nan  # none is known yet
     for batch in batches:
         marks = batch.values[:, column]
-        before = waiting[-1].values[-1, column] if waiting else marks[0]
+        if not len(marks):
+            continue
+        # A missing mark is the latest one that is known; before the first one there is no change.
         latest = np.maximum.accumulate(np.where(np.isfinite(marks), np.arange(len(marks)), -1))
-        marks = np.where(latest < 0, before, marks[latest])  # a missing mark is not a new one
-        edges = np.flatnonzero(np.diff(marks, prepend=before) != 0).tolist()
-        for first, last in pairwise([0, *edges, len(marks)]):
-            if first in edges:
+        marks = np.where(latest < 0, latest_mark, marks[latest])
+        previous = np.concatenate([[latest_mark], marks[:-1]])
+        edges = np.flatnonzero((marks != previous) & np.isfinite(previous)).tolist()
+        begin = 0
+        for end in (*edges, len(marks)):
+            if end > begin:
+                rows = slice(begin, end)
+                waiting.append(Batch(batch.stream, batch.time[rows], batch.received[rows], batch.values[rows]))
+            if end < len(marks):
                 yield tuple(waiting)
                 waiting = []
-            if last > first:
-                rows = slice(first, last)
-                waiting.append(Batch(batch.stream, batch.time[rows], batch.received[rows], batch.values[rows]))
+            begin = end
+        latest_mark = marks[-1]
     if waiting:
         yield tuple(waiting)
