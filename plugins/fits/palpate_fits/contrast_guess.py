@@ -28,6 +28,7 @@ def guess_by_contrast(
     half-space.
     """
     thinned = few_samples(record)
+    # An unknown without a grid starts at 1 [SI].
     grids = [unknown_grid(item, place, linear, thinned, 1.0) for place, item in enumerate(unknowns.items)]
     surface = unknowns.index("surface")
     heights, grids[surface] = grids[surface], (0.0,)

@@ -116,7 +116,8 @@ def _finding(
 ) -> Diagnosed:
     """Return the distance of a track's values from the weighted ones, as terms of its budget, and the note on it.
 
-    `results` are the weighted values by parameter, `bic` (m,) that of each track of the group.
+    `results` are the weighted values by parameter, `bic` (m,) that of each track of the group, `best`
+    is the evidence of the likeliest.
     """
     terms, table = {}, dict[str, Any]()
     for name, models in results.items():

@@ -43,6 +43,7 @@ def predict_other_half(
     if n < FEWEST_SAMPLES or not jacobian.shape[1]:
         return None
     row = np.arange(n)
+    # The first half of an oscillation, every second block of a press.
     fitted: NDArray[np.bool_] = row < n // 2 if oscillates else row * BLOCKS // n % 2 == 0
     # Columns of length 1, for least squares.
     scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), _SMALLEST_LENGTH)

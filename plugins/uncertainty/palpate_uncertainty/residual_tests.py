@@ -119,10 +119,10 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
         contact=always,
         active=always,
     )
-    motion = zero_phase_motion(samples, None)
+    motion = zero_phase_motion(samples, None)  # over the window that it chooses itself
     course = make_course(track, contact & ~_disturbed(track))
-    outer = kept.force - (track.tip_mass or 0.0) * motion.acceleration
-    course = replace(course, rate=motion.rate, force=outer)
+    force_of_contact = kept.force - (track.tip_mass or 0.0) * motion.acceleration
+    course = replace(course, rate=motion.rate, force=force_of_contact)
     if np.count_nonzero(course.used) < MIN_RESIDUAL_SAMPLES:
         return None
     # The model at the minimum of these samples, against the noise of the force.
@@ -230,7 +230,11 @@ def _test_alternatives(tested: TestedResidual, rows: JudgedRows, bin_tests: int)
 
 
 def _projected_residual(track: TrackEvidence, rows: JudgedRows, residual: Floats, noise: ForceNoise) -> TestedResidual:
-    """Return the residual without what the fit and open facts take of it, in contact and in air; outliers clipped."""
+    """Return the residual without what the fit and open facts take of it, in contact and in air; outliers clipped.
+
+    Its variance where the model is right joins the `noise` of the force, that of heights and speeds, and the errors of
+    stated quantities.
+    """
     height, speed, kernels = motion_noise(track)
     null = ResidualNull(
         force=noise,

@@ -203,6 +203,7 @@ def _powers(time: Floats, level: Floats, lines: Floats) -> Floats:
 
         sum cos^2 = (n + Re z^T z)/2,  sum sin^2 = (n - Re z^T z)/2,  sum cos sin = Im z^T z/2.
     """
+    # i w t for 1 Hz; from one frequency to the next, z is multiplied by the same factors.
     since = 2j * np.pi * (time - time[0])
     wave, turn = np.exp(lines[0] * since), np.exp((lines[1] - lines[0]) * since)
     powers = np.zeros(len(lines))
