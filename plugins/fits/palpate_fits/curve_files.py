@@ -49,14 +49,14 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
 
 
 def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]:
-    """Yield batches cut where the mark in a column changes, those of one mark together; a missing one is no change."""
+    """Yield batches cut where the mark in a column changes, those of one mark together; a missing one changes nothing."""
     waiting: list[Batch] = []
     latest_mark = np.nan  # none is known yet
     for batch in batches:
         marks = batch.values[:, column]
         if not len(marks):
             continue
-        # A missing mark is the latest one that is known; before the first one there is no change.
+        # A missing mark is the latest one that is known; what comes before the first one changes nothing.
         latest = np.maximum.accumulate(np.where(np.isfinite(marks), np.arange(len(marks)), -1))
         marks = np.where(latest < 0, latest_mark, marks[latest])
         previous = np.concatenate([[latest_mark], marks[:-1]])
