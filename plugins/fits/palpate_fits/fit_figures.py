@@ -66,7 +66,7 @@ def _forces(axes: Any, label: str, samples: Samples, estimates: Estimates, force
             axis.plot(across, force[rows], ".", markersize=1, color="0.6", label="measured")
             axis.set_prop_cycle(None)
             axis.set(xlabel=heading, ylabel="contact force [N]")
-        axis.plot(across, estimates.force[rows], linewidth=0.8, label=label)
+        axis.plot(across, estimates.force[rows], linewidth=0.8, label=label)  # thin: the fit lies on the readings
 
 
 def _residuals(axes: Any, label: str, samples: Samples, estimates: Estimates, force: Floats) -> None:

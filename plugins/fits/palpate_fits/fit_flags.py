@@ -57,7 +57,8 @@ def _bound_flags(evaluated: FitWithUncertainty, total: Floats) -> Iterator[Flag]
         elif evaluated.at_bound[j]:
             is_by_force = name == "surface" and fit.settings.force_uncertainty is not None
             bound = "where the measured force leaves force_uncertainty" if is_by_force else "a bound"
-            text = f"{name} is at {bound}, {number_with_unit(fit.solution.x[place], unit, 5)}"
+            number = number_with_unit(fit.solution.x[place], unit, 5)  # digits: a bound is known exactly
+            text = f"{name} is at {bound}, {number}"
             yield Flag("at-bound", text, effects={name: math.inf} if name in model_names else None)
 
 

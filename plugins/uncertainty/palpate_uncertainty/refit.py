@@ -239,6 +239,7 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]
     residual shows that as a pattern over phase. The window is symmetric, and the longest, of at most 41 samples, that
     takes less from the signal than a tenth of the noise. At a corner of the motion it takes more.
     """
+    # The noise by third differences, in which a smooth motion hardly shows.
     third = np.diff(values, 3)
     third = third[np.isfinite(third)]
     noise = float(np.sqrt(np.mean(third**2) / _THIRD_DIFFERENCE_VARIANCE)) if len(third) else 0.0
