@@ -49,7 +49,10 @@ def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
 
 
 def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]:
-    """Yield batches cut where the mark in a column changes, those of one mark together; a missing one is passed over."""
+    """Yield batches cut where the mark in a column changes, those of one mark together.
+
+    A missing mark changes nothing.
+    """
     waiting: list[Batch] = []
     latest_mark = np.nan  # none is known yet
     for batch in batches:
