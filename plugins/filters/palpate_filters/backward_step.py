@@ -22,6 +22,7 @@ def backward_step(process: KinematicProcess) -> Step:
     """
     import casadi as ca
 
+    # Symbols; of a covariance only the upper triangle is read.
     n = process.states
     mean_after, square_after = ca.SX.sym("xs", n), ca.SX.sym("Ps", n, n)
     mean, square = ca.SX.sym("x", n), ca.SX.sym("P", n, n)

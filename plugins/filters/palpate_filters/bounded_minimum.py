@@ -18,7 +18,8 @@ def bounded_minimum(
 
     By golden sections, and parabolas through the three best points where they stay within (R. P. Brent, Algorithms for
     Minimization without Derivatives, 1973, chapter 5). A parabola's step must be below half of the last step but one,
-    so that the steps shrink; no step is below the precision, and none ends so near a bound.
+    so that the steps shrink; no step is below the precision, and none ends so near a bound. The search ends where both
+    bounds are within twice the least step of the best point.
     """
     first = low + _GOLDEN * (high - low)
     points = _BestPoints.at(first, function(first))
@@ -90,6 +91,7 @@ class _BestPoints:
 
         None where it is not below half of `step_before`, or ends outside `low` and `high`.
         """
+        # The step is p/q, with q turned positive so that the comparisons need no division.
         to_second, to_third = self.x - self.second, self.x - self.third
         r, q = to_second * (self.fx - self.f_third), to_third * (self.fx - self.f_second)
         p, q = to_third * q - to_second * r, 2.0 * (q - r)

@@ -66,7 +66,10 @@ def cholesky(matrix: Any) -> tuple[Any, Any]:
 
 
 def solve_symmetric(matrix: Any, right: Any) -> Any:
-    """Return the solution of a symmetric system by its root, rows and columns scaled to one; lost directions give 0."""
+    """Return the solution of a symmetric system by its Cholesky root, its diagonal scaled to 1.
+
+    A direction whose pivot is below `_LOST_PIVOT`, so lost in rounding, gets 0.
+    """
     import casadi as ca
 
     n = matrix.shape[0]

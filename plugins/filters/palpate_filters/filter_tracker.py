@@ -93,6 +93,7 @@ class RecursiveTracker:
         assert self._carry.state is not None
         assert self._settings is not None
         place, k = self._layout, self.recursion.parameters
+        # The step's output, by the columns of its layout; it has -1 for a missing nis and 0 for a missing innovation.
         row = self._advance(self._carry.state, sample, sample.interval, self._settings, slice(0, 1))[0].tolist()
         status = sum(bit for column, bit in self._status_bits if row[column] > _IS_MARKED)
         self._diverged |= bool(status & _DIVERGED)
@@ -108,7 +109,7 @@ class RecursiveTracker:
         ]
         if self._diverged:
             numbers, status = [math.nan] * len(numbers), status | _DIVERGED
-        # All numbers share one array; each field is a view of its columns.
+        # All numbers share one array; each field is a view of its columns: values (k), deviations (k), five scalars.
         table = np.array([numbers])
         scalars = table[0, 2 * k :]
         return Estimates(
@@ -170,9 +171,8 @@ class RecursiveTracker:
         state, resumed = self._carry.state, False
         if state is None or begins:
             interval[0] = 0.0
-            begun = self.recursion.begin(
-                self._carry, part[:1], False
-            )  # without patience: it has a state for any sample
+            # patient=False: the recursion gives a state for any first sample.
+            begun = self.recursion.begin(self._carry, part[:1], False)
             assert begun is not None
             state, resumed = begun
         outputs = self._advance(state, part, interval, settings, rows)
@@ -199,11 +199,15 @@ class RecursiveTracker:
         settings: Floats,
         row: int,
     ) -> tuple[Floats, Floats]:
-        """Return the state after, and outputs of, a part that begins at a row; a listener gets it piece by piece."""
+        """Return the state after, and outputs of, a part that begins at a row; a listener gets it piece by piece.
+
+        `inputs` (n, columns) are the step's samples, `interval` (n,) [s] their times since the samples before.
+        """
         # Means and covariances go to the listener alone: of all samples they would take a kilobyte each.
         reported = np.empty((len(inputs), self._layout.size))
         for first in range(0, len(inputs), PIECE):
             piece = slice(first, first + PIECE)
+            # A listener that does not keep the outputs of a piece calls this to compute them again.
             again = partial(self._kernel.run, state, inputs[piece], settings)
             state, outputs = again()
             rows = _row_slice(row + first, len(outputs))
@@ -216,7 +220,8 @@ class RecursiveTracker:
     ) -> None:
         """Hold samples until there are enough to start on; then run over them, and report only those of this block.
 
-        Samples of a touch elsewhere on the surface are dropped: its height is another one here.
+        `part` are the samples of some `rows` of the block, of which `starts_touch` says that a contact begins with
+        them. Samples of a touch elsewhere on the surface are dropped: its height is another one here.
         """
         if starts_touch and self._waiting and _is_elsewhere(self._waiting[-1].samples, part):
             self._waiting, self._attempts = [], 0
@@ -241,7 +246,7 @@ class RecursiveTracker:
             self._write(outputs, later, estimates, later_rows)
 
     def _run_waiting(self, state: Floats, count: int, settings: Floats) -> Floats:
-        """Return the outputs of the first `count` samples that were held, touch by touch."""
+        """Return the outputs of the first `count` samples that were held, touch by touch, from a first state."""
         outputs: list[Floats] = []
         for piece in self._waiting:
             samples = piece.samples[:count]
@@ -286,13 +291,17 @@ class RecursiveTracker:
     def _write(
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, unreported: Floats | None = None
     ) -> None:
-        """Write outputs as estimates of some rows; after a divergence, also an unreported one, they are NaN."""
+        """Write outputs as estimates of some rows; after a divergence they are NaN.
+
+        `unreported` are outputs of earlier samples, of which only a divergence counts.
+        """
         place, column = self._layout, self._layout.at
         # One bit of the status for each of the marks.
         status = np.zeros(len(outputs), np.uint32)
         marked = outputs[:, self._mark_columns] > _IS_MARKED
-        for is_marked, bit in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
-            status[is_marked] |= np.uint32(bit)
+        if marked.any():
+            for is_marked, bit in zip(marked.T, MARKS.values(), strict=True):
+                status[is_marked] |= np.uint32(bit)
         if unreported is not None:
             self._diverged |= bool((unreported[:, column("diverged")] > _IS_MARKED).any())
         # A filter that has diverged stays so.

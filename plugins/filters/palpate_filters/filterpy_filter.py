@@ -90,7 +90,11 @@ class _Stepper:
         )
 
     def _step(self, moment: Moment) -> Belief:
-        """Return the estimate after one sample; raises FloatingPointError where the filter diverges."""
+        """Return the estimate after one sample; raises FloatingPointError where the filter diverges.
+
+        The filter's state has units of `scaled_process.scale`, its first standard deviations; `moment` and the estimate
+        have SI. `speed` is the row of the depth rate, the only entry that is measured.
+        """
         # Predict with the force of the sample before, or begin.
         status = Status(0)
         if moment.first or moment.interval > PAUSE:

@@ -42,12 +42,13 @@ class ScaledProcess:
     """The process in units of the first standard deviations."""
 
     def __init__(self, process: InertialProcess, start: Start, force_std: float, velocity_std: float) -> None:
+        """Build the process as functions of numbers; `force_std` [N] and `velocity_std` [m/s] are the noises."""
         import casadi as ca
 
         self.process, self.start, self.scale = process, start, start.std
         self.force_std = force_std
-        self.speed = process.layout.at("rate")
-        self.variance = (velocity_std / start.std[self.speed]) ** 2
+        self.speed = process.layout.at("rate")  # row of the depth rate, which is measured
+        self.variance = (velocity_std / start.std[self.speed]) ** 2  # of a measured rate, scaled
         # The state one interval later, a missing force taken as the model's own, and its Jacobian.
         x, u, interval = ca.SX.sym("x", process.states), ca.SX.sym("u"), ca.SX.sym("T")
         state = ca.vertsplit(x)

@@ -24,7 +24,8 @@ def first_guess(
     `forces` holds, for "elastic" [N] and "viscous" [N s/m], the first guess of the force that such a parameter makes at
     a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or in the
     middle of its bounds. `guesses` of the user apply to the models that have the parameter; `others` are the parameters
-    of the other models. Raises ConfigurationError where a parameter has neither, or where a guess is not right.
+    of the other models, by their names. Raises ConfigurationError where a parameter has neither, or where a guess is
+    not right.
     """
     _refuse_unknown({*guesses, *guess_stds}, model, others)
     theta, std = np.zeros(len(model.parameters)), np.zeros(len(model.parameters))
@@ -41,7 +42,11 @@ def first_guess(
 def _default_guess(
     model: ContactModel, index: int, theta: Floats, forces: Mapping[str, tuple[float, float]]
 ) -> tuple[float | None, float | None]:
-    """Return a parameter's first value and standard deviation without a guess of the user; None where unknown."""
+    """Return a parameter's first value and standard deviation without a guess of the user; None where unknown.
+
+    A parameter with a role starts at the value that makes the force of `forces` at the reference depth. `theta` has the
+    values of the parameters without a role.
+    """
     parameter = model.parameters[index]
     # A pull is not a measure of a modulus: an adhesive model states its start, if it can.
     if parameter.role is not None and not (model.adhesive and parameter.start is not None):

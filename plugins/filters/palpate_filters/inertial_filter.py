@@ -130,6 +130,7 @@ def inertial_tracker(
 ) -> Tracker:
     """Return a tracker of a filter on the inertial process, with adaptive fading where it is given.
 
+    `prediction` is the extended or the unscented Kalman filter's.
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
     process = InertialProcess(problem.model, moved_mass(problem), settings.order)
@@ -187,7 +188,11 @@ def first_state(
     evolution_time: float = 1.0,
     derivative_std: float | None = None,
 ) -> Start:
-    """Return the state by the first guess; raises ConfigurationError where the guess gives none."""
+    """Return the state by the first guess; raises ConfigurationError where the guess gives none.
+
+    Its order is depth, rate, the model's internal states, parameters, then their derivatives order by order. The k-th
+    derivative of a parameter has that parameter's deviation times `derivative_std`, else over `evolution_time`^k [s].
+    """
     model = process.model
     forces = {
         "elastic": (settings.start_force, settings.start_force_std),
@@ -198,6 +203,7 @@ def first_state(
     for k in range(1, process.order + 1):
         derivative_stds.append(theta_std * derivative_std if derivative_std else theta_std / evolution_time**k)
     memory, derivatives = np.zeros(len(model.memory)), np.zeros(process.order * len(theta))
+    # The rate is 0 until it is measured; internal states have a deviation of 1 in their own units.
     mean = np.concatenate([[settings.start_depth, 0.0], memory, theta, derivatives])
     depth_and_rate = [settings.start_depth_std, settings.start_rate_std]
     std = np.concatenate([depth_and_rate, memory + 1.0, theta_std, *derivative_stds])
@@ -219,7 +225,11 @@ def _fit_first_state(process: InertialProcess, start: Start, window: Samples) ->
 
 
 def _stretch_state(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
-    """Return a stretch's first state: fresh, or the last estimate by the measured position and then True."""
+    """Return the state from which a stretch of contact begins, and whether it resumes the last estimate.
+
+    It is resumed where the first position is below the last surface: the depth is then that below this surface, and the
+    material stays. Else the mean and deviations of `start` apply. The order is that of `state_layout`.
+    """
     place, carried = process.layout, state_layout(process)
     depth_row, material = place.at("depth"), place.span("memory", "derivatives")
     rate, depth = -float(first.velocity[0]), carry.surface - float(first.position[0])

@@ -129,7 +129,7 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
     # The symbols of state, settings and sample.
     symbols, settings = _state_symbols(process), _tuning_symbols(process)
     before = replace(symbols, covariance=mirror(symbols.covariance))
-    sample = ca.SX.sym("w", 3)
+    sample = ca.SX.sym("w", 3)  # force, rate, interval
     now = Sample(*ca.vertsplit(sample))
 
     # The five parts of a step, in the order of the equations above.
@@ -211,6 +211,7 @@ def fade(
 ) -> tuple[PredictedState, Any]:
     """Return alpha P- and this step's alpha: a step up where the innovation is large, a step down otherwise.
 
+    `factor` is the last step's alpha; with `signed` an innovation is large only where it is positive.
     No variance is raised beyond its cap: a congruence with a diagonal, so P- stays positive
     (docs/decisions/0043-fading-is-capped.md).
     """
@@ -254,7 +255,10 @@ def update(process: InertialProcess, predicted: PredictedState, sample: Sample, 
 def restart(
     process: InertialProcess, updated: UpdatedState, before: State, sample: Sample, tuning: Tuning
 ) -> tuple[State, Any]:
-    """Return the state for the next sample, and 1 where it is the first state again after `MAX_LOW_SAMPLES`."""
+    """Return the state for the next sample, and 1 where it is the first state again.
+
+    It is after `MAX_LOW_SAMPLES` samples in a row out of contact. `before` has the count so far, and alpha.
+    """
     import casadi as ca
 
     low_count = ca.if_else(updated.mean[process.layout.at("depth")] <= 0, before.low_count + 1, 0)
@@ -281,7 +285,10 @@ def output(
     restarts: Any,
     tuning: Tuning,
 ) -> Any:
-    """Return the row of `palpate_filters.recursion.output_layout`."""
+    """Return the row of `palpate_filters.recursion.output_layout`: parameters first, marks of 0 or 1 last.
+
+    The squared innovation is -1 where no rate was measured.
+    """
     import casadi as ca
 
     depth, values, variance = process.layout.at("depth"), process.parameters, ca.diag(after.covariance)

@@ -117,7 +117,7 @@ def _update(before: ErrorStatistics, measured: _Measurement) -> tuple[ErrorStati
     slopes = measured.by_constants + row @ before.psi  # (1, q)
     slopes_by_error = measured.mixed + before.psi.T @ measured.curvature  # (q, n): h_theta_m + psi h_mm
 
-    # Both sums of the bias.
+    # Both sums of the bias. C has blocks of n rows and columns: e first, then psi~ of each of the q constants.
     products = ca.vertcat(*[row @ before.C[n * (1 + i) : n * (2 + i), :n] for i in range(q)])
     products += slopes_by_error @ before.C[:n, :n]
     information = slopes.T @ slopes / S
@@ -191,7 +191,10 @@ def _motion_measurement(entry: int, constants: int, assumed_std: Any, real_std: 
 def _force_measurement(
     model: ContactModel, mass: float, sample: Any, theta: Any, assumed_std: Any, real_std: Any
 ) -> _Measurement:
-    """Return the measurement of the force F(s - z, -z') - m z'', with its slopes along the motion of a sample."""
+    """Return the measurement of the force F(s - z, -z') - m z'', with its slopes along the motion of a sample.
+
+    `theta` (k,) are the model's parameters; the noise [N] is `assumed_std` by the filter, `real_std` in truth.
+    """
     import casadi as ca
 
     # The slopes by the motion m = (z, z', z''), the parameters t and the surface s, as symbols.

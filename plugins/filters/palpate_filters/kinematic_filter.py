@@ -53,7 +53,11 @@ def kinematic_recursion(
     with_state: bool = False,
     known: Callable[[Samples], Floats] | None = None,
 ) -> Recursion:
-    """Return the filter as its tracker needs it, linearised at the states (m, n) that `known` gives of samples."""
+    """Return the filter as its tracker needs it: its step, its settings, its start and its inputs.
+
+    With `known`, a function that gives states (m, n) at m samples, the force is linearised at these states instead of
+    the filter's own. `with_state` adds mean and covariance to the outputs.
+    """
     mass_of(problem)
     process = kinematic_process(settings, problem)
     guess = guess_of(settings, process, problem)
@@ -61,7 +65,8 @@ def kinematic_recursion(
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
         """Return the settings of the step, with the noises that were measured in place of the stated ones."""
-        # The last groups are for a restart: first depth and chart, and their standard deviations.
+        # The last groups are for a restart: first depth and chart, and their standard deviations. That of the depth is
+        # twice its guess, a choice: it includes a tip that is not in contact yet.
         start = [settings.start_depth, *process.on_chart(guess.tolist(), math.log)]
         std = [2.0 * settings.start_depth, *([settings.start_spread] * count)]
         return np.array([*noises(settings, force_std, velocity_std), *start, *std])

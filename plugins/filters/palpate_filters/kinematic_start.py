@@ -68,9 +68,9 @@ def _guessed_state(settings: KinematicSettings, process: KinematicProcess, windo
     place, surface = process.layout, process.layout.at("surface")
     mean, std = np.zeros(process.states), np.zeros(process.states)
     mean[surface] = window.position[0] + settings.start_depth
-    std[surface] = 2.0 * settings.start_depth
+    std[surface] = 2.0 * settings.start_depth  # a choice: it includes a tip that is not in contact yet
     std[process.chart] = settings.start_spread
-    std[place["memory"]] = 1.0
+    std[place["memory"]] = 1.0  # a choice, in the units of the model's internal states
     # On a sweep.
     std[place["slope"]] = SLOPE_STD * settings.sweep_speed
     std[place["trend"]] = TREND_STD
@@ -109,7 +109,10 @@ def _put_bias_covariance(
 
 
 def _fitted_covariance(settings: KinematicSettings, process: KinematicProcess, fit: StartFit, before: Floats) -> Floats:
-    """Return the covariance (n, n) after a fit: with a bias by the fit's full covariance, else of each number alone."""
+    """Return the covariance (n, n) after a fit: with a bias by the fit's full covariance, else of each number alone.
+
+    `before` (n, n) is that of the guess.
+    """
     chart, surface = process.chart, process.layout.at("surface")
     if not process.biased:
         covariance = before.copy()

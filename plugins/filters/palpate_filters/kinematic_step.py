@@ -74,6 +74,9 @@ def kinematic_step(
 ) -> Step:
     """Predict, then update with position, velocity and force, those that are there.
 
+    The force is linearised `iterations` times; `student` is Student's degrees of freedom of its noise, None for a
+    Gaussian one; `with_state` adds mean and covariance to the output.
+
     Filter state: `state_layout`. Sample: force [N], height [m], velocity [m/s], interval [s], and where the step is to
     be `linearised` at given states, these (n), NaN for none; out of contact they do not count. Settings: the noises,
     then first depth [m], chart (k), and standard deviations of surface and chart (1 + k) for a fresh start. Output:
@@ -84,7 +87,7 @@ def kinematic_step(
     n, count = process.states, len(process.model.parameters)
     # Symbols of the filter's state, as `state_layout` has it.
     mean, covariance = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
-    low_count_before, centre = ca.SX.sym("low"), ca.SX.sym("b", int(process.biased))
+    low_count_before, centre = ca.SX.sym("low"), ca.SX.sym("b", int(process.biased))  # the bias to linearise at
     # Symbols of the settings: noises, and surface and chart of a fresh start; and those of the sample.
     noises, fresh, fresh_std = ca.SX.sym("p", NOISE_COUNT), ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
     noise = KinematicNoise(*ca.vertsplit(noises))
@@ -177,7 +180,7 @@ def process_noise(process: KinematicProcess, interval: Any, noise: KinematicNois
     import casadi as ca
 
     T, Q = interval, ca.SX.zeros(process.states, process.states)
-    powers = jerk_covariance(T)
+    powers = jerk_covariance(T)  # its lower right 2 x 2 is that of a level with a drift
     # The motion, driven by jerk.
     for i, row in enumerate(powers, start=process.motion.start):
         for j, power in enumerate(row, start=process.motion.start):
@@ -242,6 +245,7 @@ def _update_force(
 ) -> tuple[_Moments, Any]:
     """Return the estimate after the measured force, and the normalised innovation.
 
+    `before` is the estimate without it, `variance` [N^2] that of the force, `centre` the bias [N] to linearise at.
     The force is linearised at the state `linearisation`, else again at each iterate (Bell and Cathey 1993), with a
     force bias at `_state_with_bias`. With Student's t of nu degrees of freedom the variance of a surprising force
     grows by (nu + e^2/S)/(nu + 1).
@@ -304,7 +308,7 @@ def _next_centre(process: KinematicProcess, x: Any, P: Any, before: Any, interva
 
 
 def _linearised_reading(process: KinematicProcess, point: Any) -> tuple[Any, Any]:
-    """Return the force sensor's reading in a state, and its slope (n,), away from the pole of sqrt(d) at 0."""
+    """Return the force sensor's reading in a state (n,), and its slope (n,), away from the pole of sqrt(d) at 0."""
     import casadi as ca
 
     # The slope of the contact force, in symbols without the force's branch at depth 0.
@@ -325,7 +329,10 @@ def _linearised_reading(process: KinematicProcess, point: Any) -> tuple[Any, Any
 def _restart_material(
     process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any
 ) -> tuple[Any, Any]:
-    """Return mean and covariance that, on a restart, keep the motion and restart surface and parameters."""
+    """Return mean and covariance that, on a restart, keep the motion and restart surface and parameters.
+
+    `fresh` (1 + k) and its deviations `fresh_std` are the depth [m] and the parameters' chart of a first guess.
+    """
     import casadi as ca
 
     mean, covariance = ca.SX(x), ca.SX(P)

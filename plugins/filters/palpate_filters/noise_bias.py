@@ -78,7 +78,11 @@ def _predict_bias(track: TrackEvidence) -> Floats | None:
 
 
 def _motion(track: TrackEvidence, rows: Any) -> Floats:
-    """Return depth, rate, acceleration and its jump, and the interval (n, 5), smoothed without a delay."""
+    """Return the motion (n, 5) at some rows of a track's kept samples, smoothed without a delay.
+
+    Columns: depth [m], rate [m/s], acceleration and its jump to the next sample [m/s^2], interval to that sample [s];
+    the last interval is that before it.
+    """
     kept = track.kept
     time, position, velocity = kept.time[rows], kept.position[rows], kept.velocity[rows]
     interval = np.diff(time, append=2 * time[-1] - time[-2])
@@ -174,7 +178,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     nx, m = 2 + r, (2 + r) * (1 + k)
     P, C, psi = ca.SX.sym("P", nx, nx), ca.SX.sym("C", m, m), ca.SX.sym("psi", nx, k)
     mean, memory = ca.SX.sym("e", nx), ca.SX.sym("m", r)
-    sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)
+    sample, numbers = ca.SX.sym("w", _SAMPLE_ENTRIES), ca.SX.sym("p", k + 4)  # theta, two noises twice
     theta, assumed, real = numbers[:k], numbers[k : k + 2], numbers[k + 2 :]
 
     # Update with the measured rate, then predict by the measured force.
@@ -187,7 +191,8 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     # Both sums of the bias, for the rate alone is measured.
     S = P[1, 1] + assumed[1] ** 2
     psi_rate = psi[1, :].T
-    coupling = ca.vertcat(*[C[1, nx * (1 + i) + 1] for i in range(k)])  # E[psi~ e]
+    # E[psi~ e] of the rate, row 1 of every block of nx: C has e first, then psi~ of each parameter.
+    coupling = ca.vertcat(*[C[1, nx * (1 + i) + 1] for i in range(k)])
     return Step(
         state=ca.vertcat(ca.vec(P), ca.vec(C), ca.vec(psi), mean, memory),
         sample=sample,
@@ -274,7 +279,10 @@ def _process_slopes(
 
 
 def _diagnosis(track: TrackEvidence, bias: Floats) -> Diagnosed:
-    """Return the biases of a track's parameters, and a flag with those that are worth a sentence."""
+    """Return the biases of a track's parameters, and a flag with those that are worth a sentence.
+
+    `bias` (k,) is the predicted one. A bias below a share of the combined standard uncertainty does not count.
+    """
     trust = _TRUST_WITH_FADING if track.estimator.follows_changes else _TRUST
     min_bias = _MIN_KINEMATIC_BIAS if isinstance(track.estimator, KinematicSettings) else _MIN_BIAS
     biases, effects, corrected, uncorrected = {}, dict[str, float](), list[str](), list[str]()

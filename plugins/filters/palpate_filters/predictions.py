@@ -20,7 +20,10 @@ Directions = tuple[Floats, float, float]  # of `sigma_directions`
 def linearised(
     process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
 ) -> PredictedState:
-    """Return the extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F."""
+    """Return the extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F.
+
+    `mean` x and `covariance` P are those before, `force` [N] acts over the `interval` [s] where `has_force` is 1.
+    """
     import casadi as ca
 
     slope = _force_slope(process, mean)
@@ -42,8 +45,10 @@ def linearised(
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
-    """Return the unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in
-    filterpy."""
+    """Return the unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in filterpy.
+
+    `points`, `alpha`, `beta` and `kappa` are the kind and the scaling of the sigma points, see `sigma_directions`.
+    """
 
     def predict(
         process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, has_force: Any
@@ -83,8 +88,10 @@ def _moments(ahead: Callable[[Any], Any], mean: Any, root: Any, directions: Dire
 def _excess_moments(
     process: InertialProcess, mean: Any, covariance: Any, root: Any, directions: Directions, sample: tuple[Any, ...]
 ) -> tuple[Any, Any]:
-    """Return the same for a process without memory, where only the excess of force e needs sigma points.
+    """Return mean and covariance one interval later for a process without memory, by sigma points of one number.
 
+    This number is the excess of force e, measured less contact force, with b the input gain. `root` is the Cholesky
+    root of the covariance, `directions` are those of `sigma_directions`, `sample` is (force, interval, has_force).
     x' = A x + b e(x) is linear but for e, so that the points' covariance of x' is A P A^T + b (A c)^T + (A c) b^T +
     b b^T v with c = cov(x, e) and v = var(e) over the points, and their sum over A x needs no points at all.
     """
@@ -125,8 +132,8 @@ def sigma_directions(points: Points, states: int, alpha: float, beta: float, kap
     """Return sigma points in units of the covariance's root (n, m), their weight, and that of the mean's shift.
 
     With x_i = x + L c_i, D_i = f(x_i) - f(x) and s = w sum D_i, the mean is f(x) + s and the covariance
-    w sum D_i D_i^T + b s s^T: van der Merwe's 2n + 1 points (b = beta - alpha^2), Julier's (alpha 1, beta 0),
-    or the simplex of n + 1 points, in filterpy's order.
+    w sum D_i D_i^T + b s s^T: van der Merwe's 2n + 1 points (w = 1/(2 alpha^2 (n + kappa)), b = beta - alpha^2),
+    Julier's (alpha 1, beta 0), or the simplex of n + 1 points (w = 1/(n + 1), b = -1), in filterpy's order.
     """
     n = states
     # The simplex: each point is as far from the centre as from every other, built one dimension at a time. Column j of

@@ -80,6 +80,7 @@ class _SmoothingTracker:
             self._stretches.append(stretch)
 
         def forward(recursion: Recursion) -> RecursiveTracker:
+            """Return a tracker that runs a recursion and keeps its outputs."""
             return RecursiveTracker(recursion, filter_start(settings, problem), keep, causes(settings))
 
         # The first pass, and those that are linearised at the smoothed states of the pass before.
@@ -130,7 +131,11 @@ class _SmoothingTracker:
         noise: tuple[float | None, float | None],
         estimates: Estimates,
     ) -> None:
-        """Smooth one touch, and write its estimates; one that diverges keeps the filter's marks alone."""
+        """Smooth one touch, and write its estimates; one that diverges keeps the filter's marks alone.
+
+        `stretches` of the touch follow one another in the rows of `block`. `noise` is that of force [N] and velocity
+        [m/s] where it was measured.
+        """
         place = self._place
         rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
         if (estimates.status[rows] & Status.DIVERGED).any():
@@ -171,12 +176,16 @@ class _SmoothingTracker:
     def _run_backwards(
         self, filtered: FilteredRows, interval: Floats, samples: Samples, settings: Floats, smoothed: Floats
     ) -> None:
-        """Write the smoother's output at every sample but the last, and its states there."""
+        """Write the smoother's output, states included, at every sample but the last, where it is the filter's.
+
+        `filtered` has the filter's outputs by rows, `smoothed` (N, columns) is written to.
+        """
         time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
             return
 
         def run_rows(state: Floats, first: int, last: int) -> tuple[Floats, Floats]:
+            """Return the state after running backwards from row `last` to `first`, and the outputs in between."""
             rows, after = slice(first, last), slice(first + 1, last + 1)
             estimates = filtered.of(first, last, columns)
             inputs = np.column_stack([estimates, interval[after], samples.position[rows]])

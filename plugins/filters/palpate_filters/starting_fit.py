@@ -95,6 +95,7 @@ def fit_start(
 ) -> StartFit | None:
     """Return surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where undetermined.
 
+    u is the measured force of the `window`, z the tip's height, d the depth; `guess` (k,) has all parameters.
     For every surface height the parameters that the force is proportional to, and with a prior the bias b, follow from
     a linear fit, and the height from a search (Golub and Pereyra 1973). Parameters without such a role keep their
     guess. The surface may lie within the window's motion: out of contact the force is 0. A `lenient` fit takes a
@@ -104,17 +105,17 @@ def fit_start(
     fitted = [i for i, parameter in enumerate(model.parameters) if parameter.role is not None]
     if len(force) < _MIN_SAMPLES or not fitted:
         return None
-    record = _FitWindow(model, position, rate, force, guess, fitted)
+    fit_window = _FitWindow(model, position, rate, force, guess, fitted)
 
     # The surface of the smallest misfit, and the linear fit there.
     solve = partial(_misfit, force=force, prior=prior)
-    surface = _search(lambda height: solve(record.columns(height))[0], position)
-    misfit, theta, bias = solve(record.columns(surface))
-    variance = misfit / (len(force) - len(fitted) - 1)
+    surface = _search(lambda height: solve(fit_window.columns(height))[0], position)
+    misfit, theta, bias = solve(fit_window.columns(surface))
+    variance = misfit / (len(force) - len(fitted) - 1)  # of the force [N^2]; the surface takes one degree of freedom
 
     # The window must determine each fitted parameter, and find it positive. The design's columns are the slopes of the
     # force by the surface, and by each fitted parameter.
-    design = record.design(surface, theta)
+    design = fit_window.design(surface, theta)
     scale = np.linalg.norm(design, axis=0)
     if not (np.isfinite(design).all() and (scale > 0).all()):
         return None
@@ -155,7 +156,11 @@ def _rounded(value: Any) -> Any:
 def _with_bias(
     surface: float, theta: Floats, fitted: list[int], bias: float, design: Floats, prior: BiasPrior
 ) -> StartFit | None:
-    """Return the fit with a bias, and the information of surface, parameters and bias; None where undetermined."""
+    """Return the fit with a bias, and the information of surface, parameters and bias; None where undetermined.
+
+    `fitted` are the indexes of the parameters among `theta`, `design` (n, 1 + len(fitted)) the slopes of the force by
+    the surface and by these. Parameters are in the chart of their logarithms.
+    """
     place = Layout(surface=1, chart=len(theta), bias=1)
     slopes = np.column_stack([design[:, 0], _chart_slopes(design[:, 1:], theta, fitted), np.ones(len(design))])
     slopes = slopes / prior.noise

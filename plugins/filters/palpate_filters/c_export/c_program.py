@@ -39,7 +39,11 @@ def part(name: str) -> str:
 
 
 def header(filter: ExportedTrack, title: str, rate: float, tare_duration: float, touch_lag: float) -> str:
-    """Return ``palpate_filter.h``: sizes, settings, functions."""
+    """Return ``palpate_filter.h``: sizes, settings, functions.
+
+    `rate` [Hz] of the samples, `tare_duration` [s] and `touch_lag` [s] of the search for a touch decide how many
+    samples the C code keeps in memory.
+    """
     duration = _memory_duration(tare_duration, touch_lag) + _search_duration(filter, rate, tare_duration, touch_lag)
     sizes = {
         "PALPATE_PARAMETERS": len(filter.model.parameters),
@@ -82,7 +86,11 @@ def header(filter: ExportedTrack, title: str, rate: float, tare_duration: float,
 
 
 def source(filter: ExportedTrack, defaults: Sequence[str]) -> str:
-    """Return ``palpate_filter.c``: the whole filter in one file."""
+    """Return ``palpate_filter.c``: the whole filter in one file.
+
+    `defaults` are the assignments ``name = value`` of the settings that do not depend on the kind of filter.
+    """
+    # The C text of the fit from which a filter starts; empty for a filter that starts from its guess.
     opening = part("opening.c") if _has_fit(filter) else ""
     pieces = [
         "\n".join(_preamble(filter)),
@@ -149,8 +157,8 @@ def _struct(settings: Sequence[SettingGroup], name: str) -> Iterator[str]:
 
 
 def _preamble(filter: ExportedTrack) -> Iterator[str]:
-    """Yield the lines before the functions: constants, sizes, and the places of everything in state and output."""
-    state, place = filter.state, filter.output
+    """Yield the lines of C before the functions: constants, sizes, and the places of all parts of state and output."""
+    state, place = filter.state, filter.output  # rows of the process's state, columns of a step's output
     step = filter.recursion.step
     yield from ('#include "palpate_filter.h"', "", "#include <limits.h>", "#include <math.h>", "")
     yield from ("#ifdef __FAST_MATH__", "#error the numbers of this filter need exact arithmetic: no -ffast-math")
@@ -172,7 +180,7 @@ def _preamble(filter: ExportedTrack) -> Iterator[str]:
         "FITTED": len(filter.fitted),
     }
     yield f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"
-    carried = filter.carried
+    carried = filter.carried  # rows of all that a step hands to the next: mean, covariance, counters
     yield _places("AT", _state_places(state, filter.parameters))
     yield _places("AT", {"MEAN": carried["mean"].start, "COVARIANCE": carried["covariance"].start})
     yield _places("AT", {name.upper(): carried[name].start for name in carried if name not in _MATRICES})

@@ -104,11 +104,13 @@ def _write_files(
 ) -> None:
     """Write all files of the folder of a filter in C; `file` is that of the pipeline which has its track.
 
+    `vectors` are the samples and estimates that the compiled filter is checked with.
     Raises ConfigurationError where C has no counterpart of an instruction.
     """
     settings = pipeline.alignment
     title = f"{track} of {file.name}"
-    # Numbers of the C code that its user may change; a tare or a touch that is measured has no number here.
+    # Numbers of the C code that its user may change. A tare or a touch that is measured has no number here, so 0; no
+    # standstill is -1.
     defaults = [
         f"tare_measured = {int(settings.tare == 'free-air')}",
         f"tare_offset = {c_number(settings.tare if isinstance(settings.tare, float) else 0.0)}",
@@ -154,6 +156,7 @@ def readme(filter: ExportedTrack, title: str, rate: float, tare_duration: float,
     """Return the text: the filter, its calls, its cost, its check."""
     step = step_function(filter.recursion.step)
     names = operations()
+    # Instructions by kind; constants, inputs and outputs cost nothing, and what remains are functions of libm.
     counts = Counter(names[step.instruction_id(k)] for k in range(step.n_instructions()))
     divisions = counts["OP_DIV"] + counts["OP_INV"]
     cheap = sum(count for name, count in counts.items() if name in CHEAP) - divisions

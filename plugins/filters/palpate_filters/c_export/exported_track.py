@@ -114,7 +114,7 @@ def _kinematic(
     """Return a kinematic filter for C: the settings of its step, those of its start, its layouts.
 
     Its state has the parameters in a chart, by their logarithms. `fitted` are the indexes of the model's parameters
-    that the fit of the start determines.
+    that the fit of the start determines; `tracker` runs the filter in Python, with the same step and start.
     """
     process = kinematic_process(settings, problem)
     # The settings of a step are one vector: the noises, then depth and parameters of a restart with their deviations.

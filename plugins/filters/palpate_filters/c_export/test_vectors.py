@@ -84,7 +84,8 @@ def make_vectors(pipeline: Pipeline, track: Track) -> Vectors:
 def _raw_force(force: Floats, offset: float, weight: float) -> Floats:
     """Return a reading (n,) that tare and weight turn into the force to the bit.
 
-    Rounding of both sums misses by a few units in the last place at most, so that the neighbours are tried in turn.
+    Rounding of both sums misses by a few units in the last place at most, so that the neighbours are tried in turn:
+    each step starts from the number before, so these are +1, -1, +2, -2 units and so on.
     """
     raw = force - weight + offset
     for step in (1, -2, 3, -4, 5, -6, 7, -8):
