@@ -14,6 +14,7 @@ from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 from palpate_maps.map_agreement import MapAgreement
 from palpate_maps.sites import Sites, line_coordinate
 
+_PANEL_HEIGHT = 60.0  # [mm], a choice
 _MARGIN = 2.0  # [mm] about the sites
 _MAX_SHOWN_SCORE = 2.0  # E_n at the ends of the scale of colours: twice the limit
 # Choices [pt^2]: a raster has many sites, of which few are compared.
@@ -30,9 +31,10 @@ def agreement_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreem
 def _lines_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement], label: str, unit: str) -> Any:
     """Return the curves of runs along a line with two standard deviations, and below E_n of each pair with its limits.
 
-    The line is drawn over x or y, whichever the first run goes farther along.
+    `series` has the sites of each run, whose deviations are relative; `pairs` the agreement of each two runs. The line
+    is drawn over x or y, whichever the first run goes farther along.
     """
-    figure, axes = figure_of(rows=2, height=60.0)
+    figure, axes = figure_of(rows=2, height=_PANEL_HEIGHT)
     curves, scores = axes[:, 0]
     name, factor = display_unit(unit)
     first_sites = next(iter(series.values()))
@@ -74,8 +76,11 @@ class _SitePanel:
 
 
 def _areas_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement], label: str, unit: str) -> Any:
-    """Return a panel for each raster, with one scale of colours, and one for each pair, seen from above."""
-    figure, axes = figure_of(columns=2, rows=(len(series) + len(pairs) + 1) // 2, height=60.0)
+    """Return a panel for each raster, with one scale of colours, and one for each pair, seen from above.
+
+    `series` has the sites of each run, `pairs` the agreement of each two; `label` and SI `unit` are the parameter's.
+    """
+    figure, axes = figure_of(columns=2, rows=(len(series) + len(pairs) + 1) // 2, height=_PANEL_HEIGHT)
     panels = [*_value_panels(series, label, unit), *_score_panels(pairs)]
     # All panels show the same area.
     places = 1e3 * np.concatenate([sites.place[:, :2] for sites in series.values()])

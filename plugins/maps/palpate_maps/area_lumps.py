@@ -27,7 +27,8 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
 
     False discoveries are controlled. Background and bodies are then fitted together; what they leave may be further
     lumps, and a lump that the others and the background explain is dropped. A stiff part of the area that few bodies
-    do not explain is a lump by its sites alone. Lumps are excluded at places of the area, by default between the sites.
+    do not explain is a lump by its sites alone. Lumps are excluded at `places` of the area, by default between the
+    sites. All spreads and levels are those of the logarithm of the stiffness.
     """
     # Groups of stiff sites, each one to be fitted by bodies, or wide: a stiff part of the area.
     coarse = merge_sites(sites, settings.width)

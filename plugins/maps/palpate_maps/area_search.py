@@ -159,7 +159,7 @@ class AreaSearch:
                 extent=self._extent,
             )
             self.hiding = hiding
-            place, number = hiding.likely
+            place, number = hiding.likely  # the likeliest place, and the patches that are expected about it
             if number < _KNOWN_ODDS or passes(sites, place[None], self.settings.radius)[0] < CHECKS:
                 return hiding
             self.patches.append((float(place[0]), float(place[1])))
@@ -180,7 +180,7 @@ class AreaSearch:
         sites = knowledge.known
         # No point is palpated again, and none of those that may hide a patch is on a known lump.
         closed = near(self.middles, sites.place[sites.standing], _SITE_WIDTH / 2)
-        gain, clears = self._gain(knowledge)
+        gain, clears = self._gain(knowledge)  # `clears`: it is the gain of showing that no patch is hidden
         if clears:
             closed = closed | self._on_lumps(self.middles)
         through = self._through(closed)
@@ -254,7 +254,9 @@ class AreaSearch:
         assert self.hiding is not None
         if not self.lumps:
             return False
-        above = knowledge.expectation(self.settings.contrast)[2][near(knowledge.field.nodes, self._tops, _ABOUT_LUMP)]
+        # Probability of a contrast above the limit, at the nodes about the lumps.
+        _, _, above = knowledge.expectation(self.settings.contrast)
+        above = above[near(knowledge.field.nodes, self._tops, _ABOUT_LUMP)]
         inside = above > SUSPICIOUS
         intersection = float(above[inside].sum())
         union = float(np.count_nonzero(inside) + above[~inside].sum())

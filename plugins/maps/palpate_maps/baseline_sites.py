@@ -38,7 +38,9 @@ class Baseline:
 def find_baseline(
     log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0, single: float = SINGLE
 ) -> Baseline:
-    """Return the baseline among sites (n,): those without outliers, or the lowest of several populations.
+    """Return the baseline among sites: those without outliers, or the lowest of several populations.
+
+    `log` (n,) are the logarithms of the sites' stiffness.
 
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
@@ -58,10 +60,11 @@ def find_baseline(
 
 
 def background_sites(sites: Sites, floor: float = 0.0, width: float = 4e-3) -> Baseline:
-    """Return the baseline of an area of which a fifth of the sites and more may lie at places that others are at, too.
+    """Return the baseline of an area in which places may have several sites.
 
-    A search goes where it is stiff, so that most of its sites may lie on lumps: then each place counts once, by the
-    earliest of its sites, and since several populations are expected, less evidence is asked for them.
+    A search goes where it is stiff, so that most of its sites may lie on lumps. Where more than a fifth of the sites
+    are at places that have others, each place counts once, by the earliest of its sites; and since several populations
+    are expected, less evidence is asked for them. `floor` is the least spread, `width` [m] that of a site.
     """
     # The earliest site of each place.
     earliest: list[int] = []
@@ -113,6 +116,7 @@ def _inliers(values: Floats, limits: Floats, floor: float) -> slice:
 
     Sum and sum of squares of what remains are kept, so that a step costs no sum over all values.
     """
+    # `limits` are those of the studentised deviate of the first, second and further outliers.
     first, last = 0, len(values)
     inliers = slice(first, last)
     total, square = float(values.sum()), float((values**2).sum())

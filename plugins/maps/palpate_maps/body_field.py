@@ -144,7 +144,8 @@ class BodyFit:
 def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sigmas: float = np.inf) -> BodyFit:
     """Return the least-squares fit of a level and bodies to the sites' logarithms, from the bodies given.
 
-    A body moves by 10 mm at most, and by `shift_sigmas` of its sigmas; `floor` is the least noise of a logarithm.
+    `field` has the logarithm of each site and the places that it is the mean over. A body moves by 10 mm at most, and
+    by `shift_sigmas` of its sigmas; `floor` is the least noise of a logarithm.
 
     The residuals are those of the sites, over a noise that they determine, and of the logarithms of widths and of
     contrasts about their starts, over the spread of their prior. Covariance: (J'J)^-1 with the prior's rows in J.

@@ -19,7 +19,9 @@ _MARGIN_SIGMAS = 1.5  # of a body's sigma, by which that grid goes beyond its mi
 def body_lump(fit: BodyFit, members: Sequence[int], points: Floats, contact_radius: float | None = None) -> Lump:
     """Return the lump of some bodies of a fit; `points` (j, k) [m] are the places of point palpations.
 
-    Its own size is without the blur of a tip's contact of a radius [m].
+    `members` are the bodies' numbers in the fit. The lump's place is uncertain as that of its highest body is, whose
+    unknowns are shifts along its axes, its contrast and, last, the logarithm of its sigma. Its own size is without the
+    blur of a tip's contact of a radius [m].
     """
     bodies = [fit.bodies[k] for k in members]
     number = max(members, key=lambda k: _contrast(bodies, fit.bodies[k].place[None])[0])

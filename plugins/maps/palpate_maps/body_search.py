@@ -48,7 +48,9 @@ def tangents(places: Floats, place: Floats) -> Floats:
 def explain(field: SiteField, groups: Sequence[NDArray[np.intp]], floor: float) -> tuple[BodyFit, list[int]]:
     """Return the fit of as many bodies as groups of stiff sites show, and the number that each shows, at least one.
 
-    Each group has the rows of its sites; `floor` is the least noise of a site's logarithm.
+    First each group has one body. Then each is explained by further bodies, as long as the evidence asks for them, on
+    what the bodies of the other groups leave of the sites about it. Each group has the rows of its sites; `floor` is
+    the least noise of a site's logarithm.
     """
     bodies = [_start_of(field, group) for group in groups]
     fit = fit_bodies(field, bodies, floor)
@@ -74,7 +76,8 @@ def explain(field: SiteField, groups: Sequence[NDArray[np.intp]], floor: float) 
 def _prune(fit: BodyFit, counts: list[int]) -> tuple[BodyFit, list[int]]:
     """Return a fit without the bodies that no evidence asks for once all are fitted; one of each group stays.
 
-    A body may explain what the first fit of another group had left, until that group has bodies of its own.
+    `counts` are the bodies of each group, in the order of the fit's. A body may explain what the first fit of another
+    group had left, until that group has bodies of its own.
     """
     group = np.repeat(np.arange(len(counts)), counts).tolist()  # of each body
     weakest_first = np.argsort([body.contrast for body in fit.bodies], kind="stable").tolist()
@@ -175,7 +178,10 @@ class _Ways:
 
     @classmethod
     def of(cls, fit: BodyFit) -> Self:
-        """Return the ways of a fit: straight from body to body, over others where that is higher (Floyd 1962)."""
+        """Return the ways of a fit: straight from body to body, over others where that is higher (Floyd 1962).
+
+        A saddle is the height of the field at the lowest point of a way, with its slopes by the unknowns of all bodies.
+        """
         count, unknowns = len(fit.bodies), len(fit.covariance) - 1
         height, slopes = rise(fit.bodies, np.array([body.place for body in fit.bodies]))
         saddle = np.full((count, count), -np.inf)

@@ -19,6 +19,7 @@ from palpate_kit.figures import figure_of, style
 
 from palpate_maps.map_grid import MERGE_DISTANCE
 
+_PANEL_HEIGHT = 60.0  # [mm], a choice
 _OFF_GRID = 0.25  # of a step by which a place may be off its cell: a stage's error, and not half a cell
 _SAME_STEP = 1e-3  # of the extent: places that are nearer along an axis are in one line
 _MAX_CELLS_PER_CURVE = 4  # cells for each curve: a place far from all others would make a map of nothing
@@ -75,7 +76,8 @@ def read_curve_cells(
 ) -> CurveCells | None:
     """Return the curves of a folder of fits at their cells; None for places from 1 mm apart, which are interpolated.
 
-    Raises LogError for nearer ones that are not on a grid, ConfigurationError for filter words that do not parse.
+    `where` is a filter of the curves by their columns. Raises LogError for nearer places that are not on a grid,
+    ConfigurationError for filter words that do not parse.
     """
     folder = FitFolder(path)
     if not folder.tracks:
@@ -83,7 +85,7 @@ def read_curve_cells(
     chosen_track = track or folder.tracks[0]
     chosen_parameter = parameter or folder.values[0]
     rows, places = _placed_rows(folder, chosen_track, where)
-    steps = [axis_step(places[:, 0]), axis_step(places[:, 1])]
+    steps = [axis_step(places[:, 0]), axis_step(places[:, 1])]  # [m] of the grid in x and y; 0 along a single line
     widest = max(steps)
     if len(places) < 2 or widest == 0 or widest >= MERGE_DISTANCE:
         return None
@@ -170,7 +172,7 @@ def length_unit(extent: float) -> tuple[str, float]:
 @style()
 def cells_picture(cells: CurveCells, unit: str) -> Any:
     """Draw value and relative uncertainty side by side, a cell for each curve; a cross is one without a value."""
-    figure, axes = figure_of(2, height=60.0)
+    figure, axes = figure_of(2, height=_PANEL_HEIGHT)
     length, per_metre = length_unit(max(cells.extent))
     edges = _outer_edges(cells, per_metre)
     # Value [display unit] and uncertainty [%], each with its colours.

@@ -22,8 +22,8 @@ def read_curve_sites(
 ) -> tuple[Path2D, Sites]:
     """Return the values of a folder's curves at their places, less rejected and unusable ones, and the same as sites.
 
-    A place is `x_m` and `y_m` of ``curves.csv``, else what the curve measured. Raises LogError for what is missing,
-    ConfigurationError for filter words that do not parse.
+    `where` is a filter of the curves by their columns. A place is `x_m` and `y_m` of ``curves.csv``, else what the
+    curve measured. Raises LogError for what is missing, ConfigurationError for filter words that do not parse.
     """
     folder = FitFolder(path)
     if not folder.tracks:

@@ -143,7 +143,7 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     Blocks of `width` are taken in the order of time, the last stay before the sweep first. The lump of a rise is the
     highest peak of the smoothed curve between the two changes, as wide and as high as it is there.
     """
-    half = 0.5 * settings.width
+    half = 0.5 * settings.width  # a change lies anywhere in its block
     candidates = peaks(curve, float(np.log1p(settings.contrast)))
     highest: dict[Peak, float] = {}
     for begin, end, p in _raised_spans(curve, settings):

@@ -38,7 +38,9 @@ def excluded_lumps(
     settings: LumpSettings,
     area: Places | None = None,
 ) -> tuple[LumpPower, ...]:
-    """Return for each width the least contrast that is found with 0.95 at 95 % of the places of an area.
+    """Return the lumps that an exam excludes: for each of some widths the least contrast that it would have found.
+
+    It would have been found with a probability of 0.95, at 95 % of the places of an area.
 
     A virtual lump raises each site by log(1 + c g), g the mean over the site's piece of the way of what the track makes
     of its Gaussian (`TrackResponse.shape`, along directions (m, k) of the way), and is found where a site exceeds the
@@ -143,6 +145,8 @@ class _NearSites:
 
 def _missed_probability(near_sites: _NearSites, contrast: Floats, baseline: Baseline, settings: LumpSettings) -> Floats:
     """Return the probability (m,) that a lump of a contrast (m,) at each place is missed.
+
+    `near_sites` pairs each place with the sites that a lump there raises, and has the lump's shape at each pair.
 
     P = product over the sites of Phi((limit - rise)/spread), rise = log(1 + contrast shape).
 

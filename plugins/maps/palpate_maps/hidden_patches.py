@@ -106,7 +106,7 @@ def hidden_patches(
     before: Hiding | None = None,
     extent: Floats | None = None,
 ) -> Hiding:
-    """Return the posterior number of patches at middles (m, k) [m], by sites that lie on no known lump.
+    """Return the posterior number of hidden stiff patches at middles (m, k) [m], by sites that lie on no known lump.
 
     Beforehand patches are a Poisson process with 1.5 of them in the area, so that each of the middles has 1.5/m, or a
     share by its extent (m,) where these differ, and those that were found say nothing of the others. The sites say

@@ -64,6 +64,7 @@ def map_agreement(first: Sites, second: Sites, common_std: float = 0.0) -> MapAg
     estimators state it, q the share by which the differences do scatter, by their median deviation and at most 1, v of
     the interpolation to where only the first has a site. `common_std` is relative, of all places together.
     """
+    # The number of the place of each site of the first; places that both cover as a whole are compared.
     number = site_numbers(first, WIDTH)
     covered, nearest = _covered(first, second)
     rows = covered & (np.bincount(number, ~covered)[number] == 0)
@@ -145,7 +146,8 @@ class _SamenessTest:
         """Return the agreement of differences (n,), with p-values by draws of maps that are the same.
 
         Draws are normal with the variances of the data and the correlation of neighbours along a line; each is
-        evaluated as the data are, so that what few places determine of the scatter is in the p-values.
+        evaluated as the data are, so that what few places determine of the scatter is in the p-values. `shares` are
+        those of each run's places that the other covers.
         """
         share = float(self.shares(difference[None])[0])
         correlation = self._correlation(difference / self._std(share))

@@ -19,6 +19,8 @@ from palpate_maps.map_files import exclusion_table
 from palpate_maps.map_grid import StiffnessMap
 from palpate_maps.sites import Sites
 
+_AREA_HEIGHT = 60.0  # [mm] of a panel seen from above, a choice
+_CURVE_HEIGHT = 70.0  # [mm] of a panel with a legend or labels of two lines, a choice
 _PLOT_HEIGHT = 0.8  # of a picture's height, between the title and the label of the x axis
 _SCALE_WIDTH = 0.5  # of a picture's height: a scale with its label, and the label of the y axis
 _CURVE_WIDTH = 0.8  # of a picture's height: the curve of what is excluded, with its labels
@@ -35,11 +37,12 @@ def map_picture(
 ) -> Any:
     """Draw value and relative standard deviation side by side, with sites, lumps, and outlines if they are known.
 
+    `label` and SI `unit` are the parameter's.
     Next to them are the lumps that the exam excludes.
     A red line surrounds what is significantly stiffer than the baseline.
     """
     excluded = exclusion_table(findings) if findings is not None else []
-    figure, axes = figure_of(3 if excluded else 2, height=60.0)
+    figure, axes = figure_of(3 if excluded else 2, height=_AREA_HEIGHT)
     name, factor = display_unit(unit)
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]  # [mm]
     panels = [
@@ -80,7 +83,7 @@ def hiding_picture(
 
     `cells` has the column and row (m, 2) of each place at which a patch may hide.
     """
-    figure, axes = figure_of(2 if excluded else 1, height=70.0)
+    figure, axes = figure_of(2 if excluded else 1, height=_CURVE_HEIGHT)
     axis = axes[0, 0]
     field, extent = _patch_density(hiding, cells)
     # The scale goes up to what was expected beforehand, at least: a cleared area is dark.
@@ -156,10 +159,11 @@ def sweep_picture(
 ) -> Any:
     """Draw estimates of tracks along a sweep, with two standard deviations, lumps, and point palpations.
 
-    Next to them are the lumps that the sweep excludes.
+    `series` has coordinate (n,) [m] and sites of each track, `points` those of the point palpations. Next to them are
+    the lumps that the sweep excludes.
     """
     excluded = exclusion_table(findings) if findings is not None else []
-    figure, axes = figure_of(2 if excluded else 1, height=70.0)
+    figure, axes = figure_of(2 if excluded else 1, height=_CURVE_HEIGHT)
     axis = axes[0, 0]
     # What is excluded has a narrower panel of its own.
     if excluded:

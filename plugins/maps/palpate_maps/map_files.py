@@ -67,7 +67,7 @@ def hiding_csv(hiding: Hiding) -> str:
 
 
 def lumps_json(findings: Findings, path: Path2D) -> str:
-    """Return the lumps with place, extent, contrast and p-value [SI]."""
+    """Return the lumps of a path's estimates as JSON: place, extent, contrast and p-value [SI]."""
     table = {
         "track": path.track,
         "other_tracks": path.others,

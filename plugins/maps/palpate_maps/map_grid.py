@@ -158,7 +158,7 @@ def line_distance(sites: Sites) -> float:
     beside = 1 if sites.standing.all() else _BESIDE
     tree, nearest = KDTree(places), np.full(count, np.inf)
     # More and more neighbours are asked for, of the sites that have none of another time so far.
-    remaining, asked = np.arange(count), 2 * beside
+    remaining, asked = np.arange(count), 2 * beside  # of which those to either side on its own line do not count
     while len(remaining) and asked < count:
         asked = min(2 * asked, count)
         for rows in _portions(remaining, asked):

@@ -28,7 +28,8 @@ class PathEstimates:
     def add(self, time: Floats, place: Floats, numbers: Floats) -> None:
         """Add estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
 
-        A place gets the latest estimate before the tip leaves it.
+        The columns are the parameters, their standard deviations, the surface and its deviation. A place, a cell of
+        1 mm, gets the latest estimate before the tip leaves it.
         """
         rows = finite_rows(place)
         if not rows.any():
@@ -73,8 +74,8 @@ class Places:
 def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) -> TrackResult:
     """Return the result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
 
-    The standard deviation is that of one place, as the estimator gives it; how the places differ is a cause of
-    uncertainty of its own, so that the combined one holds for any of them.
+    `way` has the estimates by places. The standard deviation is that of one place, as the estimator gives it; how the
+    places differ is a cause of uncertainty of its own, so that the combined one holds for any of them.
     """
     numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)
     if not len(numbers) or not all(math.isfinite(value.value) for value in result.parameters.values()):
@@ -96,8 +97,10 @@ def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) ->
 
 
 def _over_places(of_record: UncertainValue, numbers: Floats, last: Floats) -> UncertainValue:
-    """Return a value with its std over places (n, 2), and at the end (2,); what else is known of it is taken for
-    all."""
+    """Return a value as its mean over places, from the value and deviation at each (n, 2) and at the last sample (2,).
+
+    What else is known of the value of the whole record is taken over.
+    """
     values, std = numbers.T
     mean = float(values.mean())
     low, middle, high = np.quantile(values, [_ENDS[0], 0.5, _ENDS[1]]).tolist()

@@ -184,7 +184,10 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
 
 
 def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
-    """Return the usable estimates of one track of a part; None without any, LogError without the parameter."""
+    """Return the usable estimates of one track of a part of a run; None without any, LogError without the parameter.
+
+    `table` has the track's estimates by their samples. Over a surface, places are those of the skin below the tip.
+    """
     parameter = parameter or next(iter(table.values))
     if parameter not in table.values:
         raise LogError(f"{part.path}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")

@@ -93,11 +93,15 @@ class ActionGrid:
     def _best(
         self, gain: Gain, tip: Floats, closed: NDArray[np.bool_], through: NDArray[np.bool_], further: bool
     ) -> SearchAction | None:
-        """Return the point or line that gains most in a second; `further` where points go on without a pause."""
+        """Return the point or line that gains most in a second; `further` where points go on without a pause.
+
+        `closed` (m,) are the nodes at which no point may be, `through` (m,) those of which a line has one at least.
+        """
         points = gain.points()
         travel = self._travel(tip)
-        beside = float(self.motion.seconds_to(np.zeros(1))[0])
-        seconds = travel if further else self.motion.first_point + travel - beside
+        # The time of a point without a way to it, which the first point and a line have in their own times.
+        seconds_on_the_spot = float(self.motion.seconds_to(np.zeros(1))[0])
+        seconds = travel if further else self.motion.first_point + travel - seconds_on_the_spot
         best: SearchAction | None = None
         if not closed.all():
             node = int(np.argmax(np.where(closed, -np.inf, points / seconds)))
@@ -105,10 +109,10 @@ class ActionGrid:
         if self.motion.line_speed is None:
             return best
         # Rows in the order of the most that a line of each might gain, until none can be better.
-        for most, row in self._promising_rows(points, gain.sites(), through):
-            if best is not None and best.worth >= most:
+        for upper_bound, row in self._promising_rows(points, gain.sites(), through):
+            if best is not None and best.worth >= upper_bound:
                 break
-            line = self._line(row, gain, travel - beside, through)
+            line = self._line(row, gain, travel - seconds_on_the_spot, through)
             if line is not None and (best is None or line.worth > best.worth):
                 best = line
         return best
@@ -149,7 +153,7 @@ class ActionGrid:
         along = lengths_along(self.nodes, row)
         step = float(np.hypot(*(self.nodes[row[1], :2] - self.nodes[row[0], :2])))
         min_steps = max(int(np.ceil(self.motion.shortest / step - _ROUNDING)), 1)
-        stride = 2 if len(row) > _LONG_ROW else 1
+        stride = 2 if len(row) > _LONG_ROW else 1  # nodes
         best: SearchAction | None = None
         for first in range(0, len(row) - min_steps, stride):
             last = np.arange(first + min_steps, len(row), stride)

@@ -72,7 +72,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     """Return the area given; else the workspace, else the simulated specimen, else where it was palpated (n, 2) [m].
 
     Inside it, only places that the workspace and every device allow at the deepest of the motion's press, over a
-    surface along its normal.
+    surface along its normal. `motion` is that of the run, `known` (n, 2) [m] are the places that it palpated.
     """
     box, bounded_by = _box_of(pipeline, known, given)
     surface = surface_of(motion)

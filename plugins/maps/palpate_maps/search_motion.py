@@ -44,8 +44,10 @@ class SearchMotion:
         return _SITE_WIDTH + _MIN_PERIODS * (self.line_speed or 0.0) / float(self.own.press.frequency)
 
     def along(self, proposals: list[Proposal], level: bool = False) -> Trajectory:
-        """Return the motion through places, or along one line; raises ConfigurationError. `level`: not over its
-        surface."""
+        """Return the motion through places, or along one line; raises ConfigurationError.
+
+        It has the press of the run's own motion, and its surface unless it is to be `level`.
+        """
         own, first = self.own, proposals[0]
         settings: dict[str, Any] = {"press": own.press}
         if not level:

@@ -43,7 +43,11 @@ class LumpProgress:
 def update_progress(
     findings: Findings, before: Sequence[LumpProgress], sites: Sites, area: Area, sure: float
 ) -> list[LumpProgress]:
-    """Return every lump of a round against those of the round before; the surest first."""
+    """Return every lump of a round with its progress: certain or not, and at which border; the surest first.
+
+    It is certain once it was checked, its p-value is below `sure`, and it lies where the nearest lump of the round
+    before did.
+    """
     lumps_before = [item.lump for item in before]
     progress = []
     for lump in sorted(findings.lumps, key=attrgetter("p")):
@@ -58,7 +62,10 @@ def update_progress(
 
 
 def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
-    """Return True for each border at which a lump's stiffest place lies: one to be crossed, and one that may not."""
+    """Return True for each border at which a lump's stiffest place lies: of the sites, and of the area.
+
+    The first is the border of what was palpated, where the area goes on; the second that of what may be palpated.
+    """
     from scipy.spatial import ConvexHull
 
     # The stiffest site of the lump, and a ring about it.

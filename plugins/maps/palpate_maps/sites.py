@@ -85,9 +85,9 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
 def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
     """Return the share of a site's standard deviation that is scatter, determined from the stay before a sweep.
 
-    There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
-    scatter. A stay that is too short, or in which the estimate still settles, determines nothing: then the value
-    known from simulated sweeps applies.
+    `standing` (n,) is True for the estimates at which the tip stood. There the material does not change: what the
+    estimate does, in pieces as long as the sweep takes for one site, is scatter. A stay that is too short, or in which
+    the estimate still settles, determines nothing: then the value known from simulated sweeps applies.
     """
     moving = np.flatnonzero(~standing)
     if not len(moving):
@@ -127,7 +127,7 @@ def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], s
         log=mean(logs),
         std=np.sqrt(mean((path.std / path.value) ** 2)) * _widening(path),
         time=mean(path.time),
-        standing=mean(standing.astype(float)) > 0.5,
+        standing=mean(standing.astype(float)) > 0.5,  # in most of its estimates
     )
 
 
@@ -181,7 +181,7 @@ def merge_sites(sites: Sites, width: float) -> Sites:
     # Neighbours share their errors: the variance is the mean one, and not over their number.
     place = np.column_stack([mean(axis) for axis in sites.place.T])
     std = np.sqrt(mean(sites.std**2))
-    standing = mean(sites.standing.astype(float)) > 0.5
+    standing = mean(sites.standing.astype(float)) > 0.5  # most of the sites that are joined
     return Sites(
         place=place,
         log=mean(sites.log),

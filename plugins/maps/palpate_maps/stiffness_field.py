@@ -134,7 +134,8 @@ def interpolated(
 ) -> tuple[Floats, Floats, float]:
     """Return mean and standard deviation (m,) of the logarithm at nodes (m, k) [m], and the kernel's length [m].
 
-    The field of `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
+    `level` is the logarithm far from every site, `least_length` [m] the kernel's least. The field is that of
+    `StiffnessField`, for more nodes than it can hold covariances of; far from every site it goes back to
     the level. Where bodies were fitted to the sites, the field is that of what these leave, and the bodies with their
     covariance are added: a field of one length is either too smooth for them or too rough for the rest.
     """
@@ -179,7 +180,7 @@ class StiffnessField:
         return field_of_sites
 
     def factorise(self, sites: Sites) -> None:
-        """Take sites in place of those known so far."""
+        """Factorise the covariance of sites, in place of those known so far, and whiten all columns by it."""
         self.place, self.log, self.stated = sites.place.copy(), sites.log.copy(), _stated_variance(sites)
         n = len(self.log)
         # Factor and whitened columns, with room for more sites.

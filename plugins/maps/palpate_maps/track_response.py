@@ -124,6 +124,7 @@ def _fitted(samples: Samples, middles: Floats, difference: Floats) -> TrackRespo
         response = TrackResponse(*unknowns.tolist())
         return np.asarray(difference[rows] - np.log1p(_CONTRAST * response.shape(offset, direction, SIGMA)))
 
+    # Height relative to the lump's, lag [m] and blur [m]; the search starts from a response like the lump.
     low, high = [0.0, -_MAX_LAG, 0.0], [_MAX_HEIGHT, _MAX_LAG, _MAX_LAG]
     start, scale = [1.0, 0.0, 1e-3], [1.0, 1e-3, 1e-3]
     optimum = least_squares(residual, start, bounds=(low, high), x_scale=scale)

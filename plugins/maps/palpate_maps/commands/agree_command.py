@@ -138,6 +138,7 @@ def _pairs(maps: list[RunMap]) -> list[RunPair]:
     from palpate_maps.map_agreement import map_agreement
     from palpate_maps.rig_share import fact_differences
 
+    # Places of a plane have two coordinates, those of a surface three.
     on_surface = [run_map.folder for run_map in maps if run_map.sites.place.shape[1] == 3]
     in_plane = [run_map.folder for run_map in maps if run_map.folder not in on_surface]
     if on_surface and in_plane:
@@ -196,7 +197,10 @@ def _p_text(pair: RunPair) -> str:
 
 
 def _sentences(pairs: list[RunPair], maps: list[RunMap]) -> list[str]:
-    """Return by what E_n is, where it is largest, and what all places have in common."""
+    """Return a line for each pair, and one for the uncertainty that all places of a run share.
+
+    A pair's line has its largest E_n, the place, the kind of uncertainty in it, and how well a place repeats.
+    """
     lines = []
     for pair in pairs:
         # The place of the largest E_n, and the scatter of one map: that of a difference over sqrt(2).

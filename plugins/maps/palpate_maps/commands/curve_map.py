@@ -42,7 +42,7 @@ def fit_first(
 def show_cells(cells: CurveCells, run: Path, folder: Path, ending: str, as_json: bool) -> None:
     """Write the map of curves on a grid, and print where, and which curves have no value.
 
-    `ending` is that of the picture, such as "png".
+    `cells` has the value of each curve at its cell of a grid. `ending` is that of the picture, such as "png".
     """
     from palpate_maps import map_files
     from palpate_maps.curve_cells import cells_csv, cells_npz, cells_picture, length_unit

@@ -71,8 +71,9 @@ def _curve_of(run: Path, track: str, parameter: str | None) -> TrackCurve | None
 
 
 def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple[Any, Sites]:
-    """Return coordinate and sites of point palpations; run a pipeline file first, into ``points`` in a folder.
+    """Return coordinate (n,) [m] and sites of point palpations; run a pipeline file first, into ``points`` in a folder.
 
+    `points` is the run folder, or the pipeline file.
     Raises LogError where they are on no line.
     """
     from palpate_maps import map_analysis as maps
@@ -136,7 +137,7 @@ def _labelled_curves(run: Path, run_label: str) -> dict[str, TrackCurve]:
 def tell_curves(
     curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str, picture_file: Path, as_json: bool
 ) -> None:
-    """Draw the curves and print their table."""
+    """Draw the curves and print their table; `points` are coordinate and sites of point palpations on the line."""
     from palpate_maps import map_figures
 
     parameter = next(iter(curves.values())).parameter

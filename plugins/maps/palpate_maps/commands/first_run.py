@@ -22,9 +22,10 @@ _LATERAL = "lateral"  # the choice of the columns along the skin
 def folder_of(
     source: Path, tip: str | None, model: str | None, choices: Mapping[str, str], overrides: Sequence[str]
 ) -> Path:
-    """Return the folder of a run or of fits; of a pipeline, a log of a sweep, or curves it is made now.
+    """Return the folder of a run or of fits: `source` itself, or a new one where `source` has yet to be run or fitted.
 
-    `choices` name the columns of a log. Raises ConfigurationError for options of a run that has ended.
+    A pipeline file and a log of a sweep are run, curves are fitted. `choices` name the columns of a log by their roles,
+    `overrides` are settings of the pipeline. Raises ConfigurationError for options of a run that has ended.
     """
     if is_of_curves(source, tip):
         pipeline = _sweep_pipeline(source.resolve(), stated_facts([source], overrides, tip=tip, model=model), choices)
@@ -49,6 +50,7 @@ def _run(pipeline: Pipeline, source: Path) -> Path:
 def _sweep_pipeline(log: Path, stated: StatedFacts, choices: Mapping[str, str]) -> Pipeline | None:
     """Return the pipeline of a table whose tip moves along the skin; None of any other log.
 
+    It is suggested from the columns and the stated facts; `blanks` of the suggestion are what only a person can state.
     Raises ConfigurationError for what only a person can state, LogError for a column that does not move like one.
     """
     try:

@@ -112,6 +112,7 @@ class MapAnswer:
 def read_output(source: MapSource, folder: Path, picture_ending: str) -> MapOutput:
     """Return the sites and lumps of a run or a folder of fits, with its surface, and of a sweep the length [m].
 
+    `picture_ending` is that of the picture to write into the folder, such as "png".
     Sites along a line that are not all points are a sweep; the length of anything else is None.
     """
     from palpate_maps import map_analysis as maps

@@ -31,6 +31,7 @@ def search(
     run: Run,
     track: TrackOption = None,
     parameter: Parameter = None,
+    # A choice: more in a round save fits, fewer learn sooner from what was palpated.
     points: Annotated[int, typer.Option(help="Places in one round.", min=1)] = 3,
     aim: Annotated[str, typer.Option(help="find lumps, outline them at --contrast, or map the whole area.")] = "find",
     # Choices: the least patch is 5 % stiffer than its surroundings, and as wide as the contact of a usual tip.
@@ -45,6 +46,7 @@ def search(
         typer.Option(help='Area to search: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'),
     ] = None,
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and continue until a stop rule is met.")] = False,
+    # A choice: a search of a few rounds.
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
     # A choice: of 1000 places without a lump one would look certain.
     sure: Annotated[
@@ -173,7 +175,10 @@ def _begin(
     box: Box | None,
     palpation: float,
 ) -> _SearchRounds:
-    """Return a search of a run that knows what was palpated; raises ConfigurationError."""
+    """Return a search that knows what a run palpated and moves as its motion does; raises ConfigurationError.
+
+    `palpation` [s] is the time of sine at a place; `box` the area to search, None for the specimen or the workspace.
+    """
     from palpate_kit.runs.continuation import recorded_pipeline
 
     from palpate_maps import map_analysis as maps
@@ -228,7 +233,7 @@ def _end(state: AreaSearch, why: str) -> None:
 
 
 def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> None:
-    """Print what may remain and what is excluded, and draw the map of where."""
+    """Print what may remain and what is excluded, and draw the map of where; `findings` are None on one line."""
     from palpate_maps import map_files
     from palpate_maps.hidden_patches import EXPECTED
     from palpate_maps.map_figures import hiding_picture
