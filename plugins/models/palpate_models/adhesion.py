@@ -85,7 +85,8 @@ class JohnsonKendallRoberts(_AdhesiveSphere):
         """
         unit = self._scale(theta)
         D = depth * self.radius / unit ** (4 / 3)
-        # The real root of the resolvent cubic by Cardano, as a quotient: its two cube roots would cancel.
+        # The real root of the resolvent cubic by Cardano, (1/16 + q)^(1/3) + (1/16 - q)^(1/3) with q^2 = 1/256 +
+        # (D/3)^3, as a quotient: the two cube roots would cancel.
         discriminant = 1 / 256 + (D / 3.0) ** 3
         square_root = select(discriminant, 0.0, select(discriminant, 0.0, discriminant, 1.0) ** 0.5, 0.0)
         first = (1 / 16 + square_root) ** (1 / 3)

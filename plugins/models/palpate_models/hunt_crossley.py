@@ -21,7 +21,10 @@ def _power_law_force(depth: Any, rate: Any, force: Any, damping: Any, exponent: 
 def _material(
     indenter: Indenter | None, poisson: float, theta: Sequence[float], exponent: float
 ) -> tuple[MaterialValue, ...]:
-    """Return E = K_c (1 - nu^2)/(2 A(1 mm)) if the tip's own force has the same power of depth, else nothing."""
+    """Return E = K_c (1 - nu^2)/(2 A(1 mm)) if the tip's own force has the same power of depth, else nothing.
+
+    K_c [N], the first of `theta`, is the force at 1 mm; A is the tip's profile area.
+    """
     if indenter is None:
         return ()
     # The tip's power at that depth is the slope of ln A by ln d, a d/A.

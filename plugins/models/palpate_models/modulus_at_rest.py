@@ -21,7 +21,7 @@ def at_rest(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     Arms in parallel imitate any fading for as long as a record lasts, and call at rest what has not faded then.
     The next time, as far beyond the longest as that is beyond the one before (3 to 5 times), has to be within the
     record, or its fading would not have been seen: then between nothing and three more parts as strong as the
-    slowest, at most all of the modulus, may still fade, a rectangular distribution.
+    slowest, at most all of the modulus, may still fade, a rectangular distribution. The keys are the tracks' names.
     """
     diagnoses = {}
     for track in tracks:
@@ -35,6 +35,7 @@ def at_rest(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 def _diagnosis(track: TrackEvidence, model: RelaxingModel, span: float) -> Diagnosed | None:
     """Return the flag and the uncertainty of the modulus at rest for a record of a span [s]; None where all fades."""
+    # The relaxation by the track's values: a lasting modulus [Pa], and arms of a strength [Pa] and a rate [1/s].
     law = model.spectrum(track.values.tolist())
     times = [parameter.name for parameter in model.parameters if parameter.unit == "s"]
     modulus_name = next((p.name for p in model.parameters if p.role == "elastic"), None)

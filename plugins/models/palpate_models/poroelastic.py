@@ -77,8 +77,9 @@ class Poroelastic(RelaxingModel):
         """None: the relaxation of a gel on a curved skin is not known."""
 
     def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
-        """Return strengths [Pa], and rates in D/a^2.
+        """Return strengths [Pa], and rates in D/a^2, of `theta`: modulus [Pa], drained Poisson's ratio, diffusivity D.
 
+        What fades follows the tip's master curve g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2, with
         exp(-c sqrt(x)) = int c/(2 sqrt(pi) r^1.5) exp(-c^2/(4 r)) exp(-r x) dr, by the trapezoidal rule over ln r.
         """
         elasticity, poisson, _ = theta

@@ -103,13 +103,18 @@ class Skin(Settings):
             area, radius = corrected_contact(indenter, thickness, normal_depth)
         if not self.inclination:
             return area, radius
-        # The force along the tool: cos t + s m sin t tan t.
+        # The force along the tool: cos t + s m sin t tan t, with Mindlin's m = 2 (1 - nu)/(2 - nu).
         drag = self.stick * 2.0 * (1.0 - poisson) / (2.0 - poisson)
         axial = cosine + drag * (1.0 - cosine * cosine) / cosine
         return area * axial, radius * axial * cosine
 
     def _along_the_normal(self, tip_radius: Any, depth: Any) -> tuple[Any, Any]:
-        """Return the depth d_n [m] along the normal and cos t', at a depth along the tool."""
+        """Return the depth d_n [m] along the normal and cos t', at a depth along the tool.
+
+        `tip_radius` R [m]; t' is the angle between tool and normal once the normal has turned with the depth. With
+        L = R + R_1 and the turn q = d/L these are d_n = d (2 cos t_0 - q)/(1 + r) and cos t' = (cos t_0 - q)/r,
+        r = sqrt(1 - q (2 cos t_0 - q)).
+        """
         if not self.inclination:
             return depth, 1.0
         cosine: Any = math.cos(self.inclination)

@@ -144,7 +144,10 @@ class Thickness(Settings):
                 )
 
     def _contact(self, indenter: Indenter) -> _Contact:
-        """Return the nominal contact of a tip; raises ValueError for one without a correction."""
+        """Return the nominal contact of a tip, of radius scale depth^power; raises ValueError without a correction.
+
+        Of a flat tip it is the tip's radius, of a cone 2 d/(pi tan t), of all others sqrt(R d).
+        """
         radius = self.radius
         if radius is None:
             match indenter:

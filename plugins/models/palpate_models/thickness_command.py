@@ -130,9 +130,13 @@ def _compute_rows(
 def _factors(
     cylinder: Cylinder, tip: Indenter, profile: TipProfile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
-    """Yield factors, each reported when it is computed; last, where the depths end early, the reason."""
+    """Yield factors, each reported when it is computed; last, where the depths end early, the reason.
+
+    The tip's `profile` is followed by `fine` elements across the contact; all depths have `seconds` together.
+    """
     from palpate_models.finite_elements import NoEquilibriumError, press_cylinder
 
+    # The half-space has the force 2 E* A = 8/3 E A, of incompressible material.
     began = time.monotonic()
     forces = press_cylinder(cylinder, lambda depth: _shape(tip, profile, depth)[0], depths, fine, began + seconds)
     for number, depth in enumerate(depths.tolist(), start=1):

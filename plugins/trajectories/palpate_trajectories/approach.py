@@ -65,7 +65,8 @@ def press_motion(
     """Return the motion that touches the skin at given times while it moves along a path.
 
     `x` and `y` are the knots of the path, `measuring` the intervals [s] whose samples are estimated from. Between two
-    touches the tip is `press.clearance` above the surface; during one it presses by `press.bias`, with the sine on top.
+    touches the tip is `press.clearance` above the surface; during one it presses by `press.bias`, with the sine on top,
+    whose amplitude `swell` takes from 0 to 1 and back.
     """
     return PlannedMotion(
         duration=touches[-1].end + press.transfer,

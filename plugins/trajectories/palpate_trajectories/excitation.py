@@ -89,7 +89,8 @@ def refuse_wave(wave: Oscillation | ChirpPhase, bias: float) -> None:
 
 def oscillating_motion(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
     """Return approach, oscillation and retraction as one motion."""
-    # The depth goes to the bias and back, while the oscillation grows from nothing and fades.
+    # The depth goes to the bias and back, while the oscillation grows from nothing and fades. The way from the
+    # clearance above the surface to the bias below it takes `transfer` [s].
     transfer = (settings.clearance + settings.bias) / settings.speed
     begin = settings.standstill + transfer
     end = begin + settings.duration

@@ -83,6 +83,7 @@ class ForceHold(PlannedTrajectory):
     def _motion(self) -> PlannedMotion:
         """The envelope: down at constant speed to the greatest depth, there until force control ends, and up."""
         law, turn = self.force_law, self._turn
+        # Times [s] at which the tip begins to go down and up, and its depth [m] at the top, where it is in the air.
         down, up = law.begin, law.end
         top = -self.clearance
         turn_way = self.speed * turn / 2  # that of a turn from rest to the speed

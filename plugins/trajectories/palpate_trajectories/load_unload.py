@@ -78,7 +78,11 @@ def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
 
 
 def loading_cycles(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
-    """Return cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
+    """Return cycles down to a depth [m], with a hold [s] at the bottom, from and to rest at the clearance.
+
+    There is a cycle for each of the speeds [m/s]. A turn from a speed to its opposite without a hold goes `TURN` times
+    speed and duration beyond the place where it begins.
+    """
     turn, top = settings.turn, -settings.clearance
     time = settings.standstill
     knots = [Knot(time, top)]

@@ -81,12 +81,12 @@ class Raster(PlannedTrajectory):
             # To the beginning of the line: aside by the pitch, or back without measuring.
             if line > self.first_line:
                 speed = self.speed if self.boustrophedon else self.return_speed
-                path.go(begin, across, speed, self.ramp, not self.boustrophedon)
+                path.go(begin, across, speed, self.ramp, pausing=not self.boustrophedon)
                 path.now += self.dwell
             else:
                 path.place(begin, across)
             # Along the line.
-            path.go(end, across, self.speed, self.ramp, False)
+            path.go(end, across, self.speed, self.ramp, pausing=False)
             path.finished.append(path.now)
             path.now += self.dwell
         return path

@@ -67,7 +67,8 @@ def profile(knots: Sequence[Knot]) -> KnotProfile:
             distinct.append(knot)
     if len(distinct) == 1:
         distinct.append(Knot(distinct[0].time + 1.0, distinct[0].value))
-    # Coefficients of each stretch about its first value, so that a long straight line loses no digits.
+    # Coefficients of each stretch about its first value, so that a long straight line loses no digits. The basis is of
+    # value and rate at both ends, where the second derivative is 0.
     rows = []
     for begin, end in itertools.pairwise(distinct):
         length = end.time - begin.time

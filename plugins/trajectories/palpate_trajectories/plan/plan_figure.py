@@ -26,7 +26,10 @@ def plan_picture(
     measuring: NDArray[np.bool_],
     name: str,
 ) -> Any:
-    """Return the figure of a planned motion: from above if it travels, height and speed, as a whole and in detail."""
+    """Return the figure of a planned motion: from above if it travels, height and speed, as a whole and in detail.
+
+    At times (n,) [s]: position and velocity (n, 3) [m, m/s], and True where the samples are to be estimated from.
+    """
     travels = bool(np.ptp(position[:, :2], axis=0).max() > _MIN_TRAVEL)
     figure, axes = figure_of(2, 3 if travels else 2, height=_ROW_HEIGHT)
     # A row of two axes each: from above where it travels, then height and speed, as a whole and in detail.
@@ -87,7 +90,7 @@ def _envelope(axis: Any, time: Floats, values: Floats, measuring: NDArray[np.boo
 
 
 def _from_above(row: Any, position: Floats, measuring: NDArray[np.bool_]) -> None:
-    """Draw the path from above, and its height along the longer side."""
+    """Draw the path from above, and its height along the longer side; sizes of lines and dots are points, choices."""
     above, along = row
     x, y, z = _MM * position.T
     above.plot(x, y, color=_GREY, linewidth=0.6, linestyle="-", label="on the way")

@@ -70,7 +70,10 @@ def parse_formula(text: str, constants: Mapping[str, float]) -> Callable[[Any], 
 
 
 def _check(node: ast.AST, text: str, names: set[str], depth: int) -> None:
-    """Raise ValueError where a part of a formula is not allowed."""
+    """Raise ValueError where a part of a formula is not allowed.
+
+    `node` is the part's syntax tree, `text` the whole formula, `names` those that it may use, `depth` the nesting.
+    """
     if depth > _MAX_NESTING:
         raise ValueError(f"{text!r} is nested too deeply")
     match node:

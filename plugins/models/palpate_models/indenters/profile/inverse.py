@@ -33,7 +33,8 @@ class ContactRadius:
             raise ValueError(f"the reduced profile is not finite at the edge, a radius of {edge:.4g} m")
         if depth <= 0:
             raise ValueError("the profile does not rise anywhere: that is the tip 'flat'")
-        # The table, dense at the apex; below rounding it is not monotonic.
+        # The table, dense at the apex: radii by the fourth power of even steps, as depths are the fourth power of w.
+        # Below rounding it is not monotonic.
         face = _face(reduced, edge, depth)
         x = face + (edge - face) * np.linspace(0.0, 1.0, _TABLE_SIZE + 1) ** 4
         g = np.concatenate([[0.0], reduced(x[1:])])

@@ -71,6 +71,7 @@ def radius_series(exact: ContactRadius, tolerance: float, floor: float) -> Radiu
     Where a(d) is below `floor` times the edge, the tolerance is relative to that. Pieces are halved until they meet the
     tolerance or are as narrow as they may be.
     """
+    # Start and width of the pieces that are not fitted yet, in depth^(1/4) over that of the edge.
     pieces, error, waiting = [], 0.0, [(0.0, 1.0)]
     while waiting:
         start, width = waiting.pop()

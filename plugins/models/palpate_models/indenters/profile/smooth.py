@@ -60,7 +60,8 @@ def _polynomial(coefficients: tuple[float, ...], s: Any) -> Any:
 def smooth_radius(exact: ContactRadius, tolerance: float, floor: float) -> SmoothRadius | None:
     """Return a power times the shortest polynomial that follows a contact radius to a tolerance; None where none does.
 
-    The tolerance is relative to a(d), or to `floor` times the edge where a(d) is less.
+    The polynomial is in s = d/D, depth over that at the edge; `exact` takes s^(1/4). The tolerance is relative to a(d),
+    or to `floor` times the edge where a(d) is less.
     """
     if exact.face > 0:
         return None

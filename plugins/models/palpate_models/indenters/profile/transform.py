@@ -72,6 +72,7 @@ def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[
 def _kinks(slope: Callable[[Floats], Floats], edge: float) -> list[float]:
     """Return the radii [m] at which the slope of a profile jumps."""
     # Candidates: intervals whose slope changes far more than around them.
+    # Around are the intervals two and three away, since the next ones may have a part of the kink.
     radii = np.linspace(0.0, edge, _KINK_RADII + 2)[1:-1]
     change = np.abs(np.diff(slope(radii)))
     around = np.maximum.reduce([np.roll(change, shift) for shift in (-3, -2, 2, 3)])
