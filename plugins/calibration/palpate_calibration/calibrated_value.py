@@ -54,7 +54,11 @@ class MeasuredValue:
 
     @classmethod
     def of(cls, repeats: Sequence[RepeatValue], unit: str, type_b: float = 0.0) -> MeasuredValue:
-        """Return one value from repeats; at least one is needed."""
+        """Return one value from repeats, at least one, each with its standard deviation and degrees of freedom.
+
+        `type_b` is a standard uncertainty that all repeats share. The excess variance is what their scatter has beyond
+        their own standard deviations.
+        """
         values = np.array([repeat.value for repeat in repeats])
         # A record without noise has a fit without uncertainty; it must not divide by zero.
         std = np.maximum([repeat.std for repeat in repeats], _MIN_RELATIVE_STD * np.abs(values) + _MIN_STD)
@@ -123,7 +127,7 @@ def scale_value(measured: MeasuredValue, factor: float, unit: str) -> MeasuredVa
 
 
 def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
-    """Return the sum of two independent values."""
+    """Return the sum of two independent measured values, whose uncertainties add as squares."""
 
     def root_sum(a: float, b: float) -> float:
         return float((a**2 + b**2) ** 0.5)

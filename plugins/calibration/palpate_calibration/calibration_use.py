@@ -79,7 +79,7 @@ class AppliedCalibration:
         return settings.model_copy(update=changes)
 
     def _orientation(self, settings: AlignmentSettings) -> dict[str, Any]:
-        """Return the sensor's mounting, and its bias for a calibrated tare.
+        """Return the sensor's mounting (x, y, z) [rad], and its bias (x, y, z) [N] for a calibrated tare.
 
         The offset has the weight of one posture in it, and does not hold for a tool that turns.
         """
@@ -104,7 +104,8 @@ class AppliedCalibration:
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
         """Return a flag if its offset need not be that of the sensor now; None where it is.
 
-        An offset is valid while the sensor keeps its power, and no longer than the calibration is.
+        An offset is valid while the sensor keeps its power, and no longer than the calibration is. `live` is what
+        connected devices reported of themselves, by name.
         """
         now = datetime.now(UTC)
         for age_flag in self._age_flags(now):
@@ -200,6 +201,7 @@ class AppliedCalibration:
     def _payload_problems(self, arm: Mapping[str, Any]) -> Iterator[str]:
         """Yield the problems of the centre of mass that an arm assumes, as sentences without their subject.
 
+        `arm` is what the arm reported: payload [kg] and its centre [m] from the flange, the axis last.
         Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the
         tip weigh off that axis is the same, whichever way the sensor is turned, and along it the payload has no less.
         """

@@ -59,7 +59,8 @@ def run_calibration(
 ) -> tuple[Calibration, StepFindings, list[CalibrationRecord]]:
     """Move and record as often as the plan states, and evaluate; the records are those of the shake.
 
-    Raises ConfigurationError where a motion breaks a limit, before anything moves; LogError where a record cannot be
+    `guide` shows a person what is done, and keeps the results after each step. Raises ConfigurationError where a motion
+    breaks a limit, before anything moves; LogError where a record cannot be
     used; DeviceError where a device fails.
     """
     guide, facts = guide or Guide(), DeviceFacts()
@@ -143,7 +144,10 @@ def _step_records(
 def _usable_records(
     plan: CalibrationPlan, name: str, repeats: int, seed: int, guide: Guide, facts: DeviceFacts
 ) -> list[CalibrationRecord]:
-    """Return so many records that can be used; on a live rig some others may be unusable. Raises LogError."""
+    """Return so many records that can be used; on a live rig some others may be unusable. Raises LogError.
+
+    `seed` is that of a simulated rig's noise in the first record.
+    """
     records: list[CalibrationRecord] = []
     live = is_live(plan.devices)
     length = sum(map(duration_of, plan.trajectories.values()))
@@ -164,7 +168,10 @@ def _usable_records(
 
 
 def _weigh(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
-    """Return the results of the step in which the tool is turned: by a simulated rig, by a person, or in a log."""
+    """Return the results of the step in which the tool is turned: by a simulated rig, by a person, or in a log.
+
+    They are mass, centre of mass and biases, and the sensor's mounting on the tool where the arm's poses determine it.
+    """
     step_plan = with_step(plan, step)
     repeats = _record_poses(step_plan, step, guide)
     try:
@@ -236,9 +243,17 @@ def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
 
 
 def _calibration(plan: CalibrationPlan, session: StepFindings, facts: DeviceFacts) -> Calibration:
-    """Return the calibration by the results so far, with the identity of its devices and its tip."""
+    """Return the calibration by the results so far, with the identity of its devices and its tip.
+
+    `facts` are what live devices reported of themselves, by name.
+    """
     roles = ("force", "position", "velocity")
-    channels = {role: s.channel for role in roles if (s := getattr(plan.alignment, role)) is not None}
+    channels = {}
+    for role in roles:
+        signal = getattr(plan.alignment, role)
+        if signal is not None:
+            channels[role] = signal.channel
+    # The devices of the plan, and those that a step has of its own.
     parts = dict(plan.devices)
     for step in plan.settings.steps.values():
         parts = dict(step.device) | parts

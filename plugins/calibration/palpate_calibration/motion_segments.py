@@ -97,7 +97,7 @@ def shake_segments(record: CalibrationRecord, settle: float) -> list[Segment]:
 
     The swing over a window of a second must be the same half a second before and after: a shake fades in and out.
     """
-    edges, swing = _swing(record)
+    edges, swing = _swing(record)  # ends [s] of short windows, and the position's deviation in each
     width = round(_SHAKE_WINDOW / _WINDOW)
     if len(swing) < 2 * width:
         return []

@@ -113,8 +113,9 @@ class Mounting:
 def find_mounting(
     repeats: Sequence[tuple[Floats, Floats, float]], down: Floats, angle: float, sign: int, near: Sequence[float]
 ) -> Mounting:
-    """Return the mounting from repeats of forces, orientations and noise [N].
+    """Return the mounting from repeats of mean forces (n, 3) [N], orientations (n, 3, 3) of the tool and noise [N].
 
+    `down` is the direction of gravity in the base's frame, `sign` that of a force that pushes the tip out.
     Type B is what a base that is not level by `angle` [rad] would do. Of a half turn's two vectors the one `near`
     another is taken.
     """

@@ -32,6 +32,7 @@ class WrenchRecorder:
     """A recorder of batches: all six columns of the sensor that gives the force, and orientations of the tool."""
 
     def __init__(self, ports: Ports) -> None:
+        """Find the sensor's six columns and the arm's orientation; raises LogError where a column is missing."""
         port = ports["force"]
         self.device, self._stream = port.key
         names = [channel.name for channel in port.stream.channels]
@@ -147,7 +148,7 @@ def weigh_tool(
         stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))
         fit = weight_fit(wrenches, downs, stds)
         _refuse_unfit(fit, wrenches, downs, stds[0], angle)
-        values_by_repeat.append(dict(_numbers(fit)))
+        values_by_repeat.append(dict(_numbers(fit)))  # by their names, such as mass and centre_x
         angle_terms.append(_angle_term(wrenches, downs, stds, angle))
     # The directions are the same in every repeat: their errors do not average out.
     type_b = np.sqrt(np.mean(np.square(angle_terms), axis=0))

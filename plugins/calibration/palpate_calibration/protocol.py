@@ -122,7 +122,7 @@ def _plate_readings(record: CalibrationRecord) -> tuple[Floats, Floats]:
 
 
 def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
-    """Return all steps together: of a value that several give the earlier one counts, and disagreement is noted."""
+    """Return the findings of all steps together: the earlier one of a value that several have; disagreements are noted."""
     values: dict[str, MeasuredValue] = {}
     for session in sessions:
         values = session.values | values
@@ -199,7 +199,7 @@ def _refuse_shifted(shakes: Sequence[ShakeFit], segments: Sequence[Segment], sta
 def _values(
     shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit], settings: CalibrationSettings
 ) -> dict[str, MeasuredValue]:
-    """Return the values by all shakes and standstills."""
+    """Return the values by all shakes and standstills, with the type B uncertainties that are stated for them."""
     type_b = settings.type_b
     values = {
         "mass": MeasuredValue.of([shake.mass for shake in shakes], "kg", type_b.mass),

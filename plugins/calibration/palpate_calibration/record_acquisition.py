@@ -72,7 +72,10 @@ def reach_text(reach: Reach, settings: CalibrationSettings) -> str:
 
 
 def reach_of(plan: CalibrationPlan, contact: bool, table: str = "[calibration] ") -> Reach:
-    """Return the reach of the plan's motion; raises ConfigurationError beyond a limit. Nothing moves for it."""
+    """Return how far and how fast the plan's motion goes, without moving; raises ConfigurationError beyond a limit.
+
+    `contact` chooses the limits of a motion that presses; `table` is where the file has them, for the error's text.
+    """
     trajectory = single_trajectory(plan)
     times = np.arange(0.0, duration_of(trajectory), _CHECK_INTERVAL)
     setpoint = setpoints_at(trajectory, times)
@@ -114,7 +117,10 @@ def _run(
 def one_pose(
     plan: CalibrationPlan, step: Orientations, down: tuple[float, ...], seed: int, turn: Callable[[], None]
 ) -> Pose:
-    """Return the sensor's mean reading in one orientation; a live rig is turned by the person whom `turn` asks."""
+    """Return the sensor's mean reading in one orientation; a live rig is turned by the person whom `turn` asks.
+
+    A simulated one turns itself, until gravity is along `down` in the sensor's frame.
+    """
     recorder = WrenchRecorder(plan.ports)
     sensor = plan.devices[recorder.device]
     if sensor.live:
@@ -130,7 +136,7 @@ def one_pose(
 
 
 def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> None:
-    """Read the sensor for a while, then the orientation of the tool; the arm is only observed."""
+    """Read the sensor for some seconds into a recorder, then the tool's orientation; the arm is only observed."""
     with ExitStack() as stack:
         link = stack.enter_context(plan.devices[recorder.device].connect(plan.run.seed))
         start = clock().now()
@@ -151,7 +157,7 @@ def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> 
 
 
 def poses_of_a_log(plan: CalibrationPlan, count: int) -> list[Pose]:
-    """Return the standstills of a log in which the tool was turned from one orientation to the next."""
+    """Return the mean readings at `count` standstills of a log in which the tool was turned from one to the next."""
     wrench, recorder = WrenchRecorder(plan.ports), CalibrationRecorder(plan.alignment, plan.ports)
 
     def take(device: str, batch: Batch) -> None:

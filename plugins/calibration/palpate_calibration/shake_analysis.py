@@ -46,6 +46,7 @@ class ShakeFit:
 def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[float, ...] = ()) -> ShakeFit:
     """Return mass and delay from one shake of a tip in free air.
 
+    `frequencies` [Hz] of the motion, which are sought in its spectrum where none is given.
     With the phasors Z of the height and U of the force (positive where it pushes the tip out) at each frequency,
     u = m d'' = -m z'' gives U/Z = m omega^2 exp(-i omega tau), hence mass from the modulus and the delay tau of the
     force from the phase, both with the uncertainty of the two sine fits; several frequencies are averaged by weight.
@@ -111,6 +112,7 @@ def _force_fit(
 ) -> SineFit:
     """Return the sines of the force at the lines of the motion, and at harmonics, which follow the first `line_count`.
 
+    `planned.hold` is True at the times at which the arm moved as planned, without a hesitation.
     A late force hesitates later than the arm: its readings are left out at times that are later by the delay of its
     strongest line, in a second fit.
     """
@@ -139,7 +141,11 @@ def _velocity_values(
 def _by_line(
     motion: SineFit, force: SineFit, lines: tuple[float, ...], strong: list[int]
 ) -> tuple[list[RepeatValue], list[RepeatValue]]:
-    """Return masses and delays by the lines that stand well out of the noise: the modulus of a weak one is biased."""
+    """Return masses and delays by the lines that stand well out of the noise: the modulus of a weak one is biased.
+
+    `strong` are the rows of these lines. The relative variances of both phasors add; the degrees of freedom are those
+    of Welch and Satterthwaite.
+    """
     masses, delays = [], []
     for k in strong:
         omega = 2 * math.pi * lines[k]

@@ -12,12 +12,16 @@ from palpate_calibration.motion_segments import shake_segments
 from palpate_calibration.protocol import StepFindings
 from palpate_calibration.sines import sine_fit
 
+_WIDTH, _PANEL_HEIGHT = 120.0, 40.0  # [mm]: choices
 _SPAN = 0.5  # [s] of the shake that is drawn: a choice
 
 
 @style()
 def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
-    """Draw half a second of force in the first shake, -m z'' with and without the delay, and the residual."""
+    """Draw half a second of force in the first shake, -m z'' with and without the delay, and the residual.
+
+    `settle` [s] of the shake's beginning are left out.
+    """
     shake, segment = session.shakes[0], shake_segments(record, settle)[0]
     middle = (segment.begin + segment.end) / 2
     motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)
@@ -30,7 +34,7 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
 
     tau = session.values["delay"].value
     level = force - shake.offset
-    figure, axes = figure_of(1, 2, width=120.0, height=40.0)
+    figure, axes = figure_of(1, 2, width=_WIDTH, height=_PANEL_HEIGHT)
     upper, lower = axes[:, 0]
     milliseconds = 1e3 * (time - time[0])
     upper.plot(milliseconds, level, ".", markersize=2, color="0.5", label="force less its mean")

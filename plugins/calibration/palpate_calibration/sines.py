@@ -40,7 +40,10 @@ class SineFit:
 def sine_fit(
     time: Floats, values: Floats, frequencies: Sequence[float], middle: float, used: NDArray[np.bool_] | None = None
 ) -> SineFit:
-    """Return sines of known frequencies [Hz], about a middle instant [s], by least squares to the readings used."""
+    """Return sines of known frequencies [Hz], about a middle instant [s], by least squares to the readings used.
+
+    The coefficients are a mean, a slope, then cosine and sine of each frequency: a phasor is a - i b.
+    """
     used = np.ones(len(time), bool) if used is None else used
     t = time - middle
     design = _columns(t, frequencies)
@@ -126,7 +129,8 @@ def find_lines(
     """Return the frequencies [Hz] of the sines of a motion, in rising order.
 
     One after the other: the highest peak of the spectrum of what the sines so far leave over, then all frequencies
-    together by Gauss and Newton; ends where the next peak is below `min_share` of the first.
+    together by Gauss and Newton; ends where the next peak is below `min_share` of the first. Both limits are choices:
+    more and weaker lines take time and hardly add to the mean of their masses.
     """
     used = np.ones(len(time), bool) if used is None else used
     t = time - (time[0] + time[-1]) / 2

@@ -53,14 +53,14 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
     if count < 3:
         raise LogError(f"calibration: {count} orientations are given; weight and centre of mass need three")
 
-    # Mass and bias of the force: f = m g down + f0.
+    # Mass and bias of the force: f = m g down + f0, of the unknowns m and f0 (x, y, z).
     design = np.zeros((3 * count, 4))
     design[:, 0] = GRAVITY * downs.ravel()
     design[:, 1:] = np.tile(np.eye(3), (count, 1))
     weight, weight_std = _regression(design, wrenches[:, :3].ravel(), max(stds[0], _SMALLEST_NOISE))
     mass = float(weight[0])
 
-    # Centre and bias of the torque: t = c x (m g down) + t0.
+    # Centre and bias of the torque: t = c x (m g down) + t0, of the unknowns c and t0 (x, y, z each).
     arms = np.zeros((3 * count, 6))
     for i, down in enumerate(downs * mass * GRAVITY):
         # c x w is linear in c: the matrix of -w x.
@@ -103,7 +103,7 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     """
     from scipy.optimize import minimize_scalar
 
-    branches = _TapBranches.of(force, position)
+    branches = _TapBranches.of(force, position)  # loading and unloading, where the tip touches
     # The delay of the smallest residual, on a grid and then between its neighbours.
     grid = np.linspace(-_MAX_DELAY, _MAX_DELAY, _DELAYS)
     costs = np.array([branches.cost(delay) for delay in grid])

@@ -45,7 +45,7 @@ def evaluate_step(step: str, records: Sequence[CalibrationRecord], settings: Cal
 
 
 def standstill_findings(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Return offset, drift, noise and its spectrum from long standstills in free air."""
+    """Return offset, drift, noise and its spectrum from long standstills in free air, one of each record."""
     segments: list[Segment] = []
     for record in records:
         refuse_broken(record)

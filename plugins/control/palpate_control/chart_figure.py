@@ -13,6 +13,7 @@ from palpate_kit.numerics.normalised_error import COVERAGE
 
 from palpate_control.chart_file import ControlChart
 
+_WIDTH, _PANEL_HEIGHT = 120.0, 45.0  # [mm], choices
 _MAX_LABELS = 12  # dates along the axis, a choice: they do not touch each other
 
 
@@ -25,7 +26,7 @@ def draw_chart(chart: ControlChart, path: Path) -> None:
     std = factor * np.array([check.std for check in chart.check])
     centre = factor * np.array([state.centre for state in chart.states])
     ewma = factor * np.array([state.ewma for state in chart.states])
-    figure, axes = figure_of(1, 2, width=120.0, height=45.0)
+    figure, axes = figure_of(1, 2, width=_WIDTH, height=_PANEL_HEIGHT)
     upper, lower = axes[:, 0]
     # The reference, the checks, and the moving average.
     reference, band = factor * chart.reference.value, COVERAGE * factor * chart.reference.std
@@ -45,7 +46,7 @@ def draw_chart(chart: ControlChart, path: Path) -> None:
         circle: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 7, "fillstyle": "none", "color": "C3"}
         upper.plot(number[is_out], value[is_out], label="out of control", **circle)
         lower.plot(number[is_out], ewma[is_out], **circle)
-    # A date below every check, or below every few.
+    # A date below every check, or below every few: the number of checks over that of labels, rounded up.
     ticks = number[:: -(-len(number) // _MAX_LABELS)]
     dates = [f"{chart.check[tick - 1].date:%Y-%m-%d}" for tick in ticks]
     upper.set_xticks(ticks, [])

@@ -91,6 +91,7 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
     """Append a run to the chart, and return it; raises UserError where the run does not belong there."""
     chart = read_chart(path) if path.exists() else None
     run_check = check_of_run(run, reference, track or (chart.track if chart else None))
+    # A reference that is known for one tip is not compared with another.
     tip = reference.tip if run_check.tip else None
     if tip is not None and not is_same_tip(tip, run_check.tip, registry.load()):
         raise ConfigurationError(

@@ -66,7 +66,7 @@ class _Average:
 
 
 def check_states(readings: Sequence[CheckValue], reference: float, reference_std: float) -> list[CheckState]:
-    """Return the state of every check, in their order.
+    """Return the state of every check, in their order, against a reference value and its standard uncertainty.
 
     At first the centre is the reference, and the limits follow from the stated uncertainties: what all checks share
     (tip, gain, reference) does not average out of the EWMA, what differs from check to check does. From the 26th check

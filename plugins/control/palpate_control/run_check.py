@@ -35,7 +35,10 @@ class RunCheck:
 
 
 def check_of_run(path: Path, reference: Reference, track: str | None) -> RunCheck:
-    """Return the check that a run folder holds, of one track or the best; raises UserError where it holds none."""
+    """Return the check that a run folder holds, of one track or the best; raises UserError where it holds none.
+
+    `repeat_std` of the check is the part of its combined uncertainty that differs from run to run.
+    """
     folder = RunFolder(path)
     if not folder.finished:
         raise LogError(f"{path}: is not a run folder with a {RESULT}")
