@@ -65,8 +65,8 @@ def shake_findings(records: Sequence[CalibrationRecord], settings: CalibrationSe
             raise _no_shake(record)
         fits = [shake_fit(record, segment, settings.frequencies) for segment in segments]
         shakes += fits
-        if rests := standstill_segments(record):
-            standstills.append(standstill_fit(record, rests))
+        if standstill_stretches := standstill_segments(record):
+            standstills.append(standstill_fit(record, standstill_stretches))
             _refuse_shifted(fits, segments, standstills[-1])
     return StepFindings(
         _values(shakes, standstills, settings),
@@ -122,7 +122,7 @@ def _plate_readings(record: CalibrationRecord) -> tuple[Floats, Floats]:
 
 
 def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
-    """Return the findings of all steps together: the earlier one of a value that several have; disagreements are noted."""
+    """Return the findings of all steps together: of a value in several the earlier one, and notes on disagreements."""
     values: dict[str, MeasuredValue] = {}
     for session in sessions:
         values = session.values | values

@@ -151,14 +151,14 @@ def _by_line(
         omega = 2 * math.pi * lines[k]
         z, u = motion.phasors[k], force.phasors[k]
         ratio = u / z / omega**2
-        shares = float(force.variances[k] / abs(u) ** 2), float(motion.variances[k] / abs(z) ** 2)
-        relative = math.sqrt(sum(shares))
-        freedom = sum(shares) ** 2 / (
-            shares[0] ** 2 / force.freedom[k] + shares[1] ** 2 / motion.freedom[k] + _SMALLEST
+        relative_variances = float(force.variances[k] / abs(u) ** 2), float(motion.variances[k] / abs(z) ** 2)
+        relative_std = math.sqrt(sum(relative_variances))
+        freedom = sum(relative_variances) ** 2 / (
+            relative_variances[0] ** 2 / force.freedom[k] + relative_variances[1] ** 2 / motion.freedom[k] + _SMALLEST
         )
-        masses.append(RepeatValue(float(abs(ratio)), float(abs(ratio)) * relative, float(freedom)))
+        masses.append(RepeatValue(float(abs(ratio)), float(abs(ratio)) * relative_std, float(freedom)))
         # The noise bias of a modulus, half the relative variance of the noisy force, is far below its uncertainty.
-        delays.append(RepeatValue(-float(np.angle(ratio)) / omega, relative / omega, float(freedom)))
+        delays.append(RepeatValue(-float(np.angle(ratio)) / omega, relative_std / omega, float(freedom)))
     return masses, delays
 
 

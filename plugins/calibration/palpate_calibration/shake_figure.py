@@ -35,7 +35,7 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
     tau = session.values["delay"].value
     level = force - shake.offset
     figure, axes = figure_of(1, 2, width=_WIDTH, height=_PANEL_HEIGHT)
-    upper, lower = axes[:, 0]
+    upper, lower = axes[:, 0]  # the forces, and what each inertia leaves of the measured one
     milliseconds = 1e3 * (time - time[0])
     upper.plot(milliseconds, level, ".", markersize=2, color="0.5", label="force less its mean")
     upper.set_prop_cycle(None)

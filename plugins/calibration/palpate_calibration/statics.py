@@ -61,12 +61,12 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
     mass = float(weight[0])
 
     # Centre and bias of the torque: t = c x (m g down) + t0, of the unknowns c and t0 (x, y, z each).
-    arms = np.zeros((3 * count, 6))
+    torque_design = np.zeros((3 * count, 6))
     for i, down in enumerate(downs * mass * GRAVITY):
         # c x w is linear in c: the matrix of -w x.
-        arms[3 * i : 3 * i + 3, :3] = [[0, down[2], -down[1]], [-down[2], 0, down[0]], [down[1], -down[0], 0]]
-        arms[3 * i : 3 * i + 3, 3:] = np.eye(3)
-    torque, torque_std = _regression(arms, wrenches[:, 3:].ravel(), max(stds[1], _SMALLEST_NOISE))
+        torque_design[3 * i : 3 * i + 3, :3] = [[0, down[2], -down[1]], [-down[2], 0, down[0]], [down[1], -down[0], 0]]
+        torque_design[3 * i : 3 * i + 3, 3:] = np.eye(3)
+    torque, torque_std = _regression(torque_design, wrenches[:, 3:].ravel(), max(stds[1], _SMALLEST_NOISE))
     # The mass stands in the arms: its share adds to the centre's uncertainty.
     centre_std = np.hypot(torque_std[:3], np.abs(torque[:3]) * weight_std[0] / abs(mass))
     return WeightFit(

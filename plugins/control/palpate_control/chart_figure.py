@@ -28,7 +28,7 @@ def draw_chart(chart: ControlChart, path: Path) -> None:
     ewma = factor * np.array([state.ewma for state in chart.states])
     figure, axes = figure_of(1, 2, width=_WIDTH, height=_PANEL_HEIGHT)
     upper, lower = axes[:, 0]
-    # The reference, the checks, and the moving average.
+    # The reference, the checks, and the moving average; sizes of lines and dots are points, and choices.
     reference, band = factor * chart.reference.value, COVERAGE * factor * chart.reference.std
     upper.axhspan(reference - band, reference + band, color="C2", alpha=0.2, linewidth=0, label="reference ± U")
     upper.errorbar(number, value, COVERAGE * std, fmt="o", markersize=3, linewidth=0.6, color="C0", label="check ± U")

@@ -55,21 +55,21 @@ def control(
     if run is None:
         if reference is not None or uncertainty is not None:
             raise ConfigurationError("name the RUN on the reference; without one the chart is only shown")
-        whole = read_chart(chart)
+        control_chart = read_chart(chart)
     else:
-        whole = _with_run(run, _reference(reference, uncertainty, chart), chart, track)
-    if not whole.check:
+        control_chart = _with_run(run, _reference(reference, uncertainty, chart), chart, track)
+    if not control_chart.check:
         raise ConfigurationError(f"{chart}: holds no check yet")
     if plot is not None:
         from palpate_control.chart_figure import draw_chart
 
-        draw_chart(whole, plot)
+        draw_chart(control_chart, plot)
     if as_json:
-        print_json(_document(whole, chart))
+        print_json(_document(control_chart, chart))
         return
     screen = console()
-    screen.print(_table(whole).view())
-    for line in _lines(whole, chart):
+    screen.print(_table(control_chart).view())
+    for line in _lines(control_chart, chart):
         screen.print(line, highlight=False, markup=False)
 
 
@@ -100,7 +100,7 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
     if chart is not None:
         _demand_same(chart, run_check, reference, run, path)
     chart_reference = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
-    new = ControlChart(
+    new_chart = ControlChart(
         quantity=reference.quantity,
         track=run_check.track,
         reference=chart_reference,
@@ -108,7 +108,7 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
         sensor=run_check.sensor,
         robot=run_check.robot,
     )
-    return append_check(path, new, run_check.check)
+    return append_check(path, new_chart, run_check.check)
 
 
 def _demand_same(chart: ControlChart, run_check: RunCheck, reference: Reference, run: Path, path: Path) -> None:

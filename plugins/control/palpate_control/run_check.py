@@ -71,17 +71,20 @@ def _track(path: Path, tracks: Mapping[str, Any], reference: Reference, name: st
     if name is not None and name not in tracks:
         raise ConfigurationError(f"{path}: no track {name!r}{suggest(name, tracks)}")
     candidates = tracks if name is None else {name: tracks[name]}
-    with_value = {label: table for label, table in candidates.items() if reference.quantity in values_by_name(table)}
-    if not with_value:
+    tracks_with_value = {
+        label: table for label, table in candidates.items() if reference.quantity in values_by_name(table)
+    }
+    if not tracks_with_value:
         spring = '; a spring is palpated with [model.*] type = "kelvin-voigt"' if reference.unit == "N/m" else ""
         raise ConfigurationError(f"{path}: has no {reference.quantity} to compare with {reference.name!r}{spring}")
-    ranks = {label: verdict_rank(table["verdict"]) for label, table in with_value.items()}
+    ranks = {label: verdict_rank(table["verdict"]) for label, table in tracks_with_value.items()}
     usable = [label for label, rank in ranks.items() if rank <= verdict_rank("doubtful")]
     if not usable:
-        raise ConfigurationError(f"{path}: {', '.join(with_value)} is invalid, and checks nothing; see its flags")
+        labels = ", ".join(tracks_with_value)
+        raise ConfigurationError(f"{path}: {labels} is invalid, and checks nothing; see its flags")
     uncertainties: dict[str, float] = {}
     for label in usable:
-        if uncertainty := values_by_name(with_value[label])[reference.quantity].get("combined"):
+        if uncertainty := values_by_name(tracks_with_value[label])[reference.quantity].get("combined"):
             uncertainties[label] = float(uncertainty)
     if not uncertainties:
         raise ConfigurationError(f"{path}: the uncertainty of {reference.quantity} is not known, so it checks nothing")

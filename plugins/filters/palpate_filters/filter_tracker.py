@@ -92,18 +92,18 @@ class RecursiveTracker:
         """Return the estimates of one sample within a stretch: the numbers of `run`, by plain floats for speed."""
         assert self._carry.state is not None
         assert self._settings is not None
-        place, k = self._layout, self.recursion.parameters
+        layout, k = self._layout, self.recursion.parameters
         # The step's output, by the columns of its layout; it has -1 for a missing nis and 0 for a missing innovation.
         row = self._advance(self._carry.state, sample, sample.interval, self._settings, slice(0, 1))[0].tolist()
         status = sum(bit for column, bit in self._status_bits if row[column] > _IS_MARKED)
         self._diverged |= bool(status & _DIVERGED)
-        nis, innovation = row[place.at("nis")], row[place.at("innovation")]
+        nis, innovation = row[layout.at("nis")], row[layout.at("innovation")]
         numbers = [
-            *row[place["values"]],
-            *map(_standard_deviation, row[place["variances"]]),
-            float(sample.position[0]) + row[place.at("depth")],
-            _standard_deviation(row[place.at("depth_variance")]),
-            row[place.at("force")],
+            *row[layout["values"]],
+            *map(_standard_deviation, row[layout["variances"]]),
+            float(sample.position[0]) + row[layout.at("depth")],
+            _standard_deviation(row[layout.at("depth_variance")]),
+            row[layout.at("force")],
             math.nan if nis < 0 else nis,
             math.nan if innovation == 0 else innovation,
         ]
@@ -295,7 +295,7 @@ class RecursiveTracker:
 
         `unreported` are outputs of earlier samples, of which only a divergence counts.
         """
-        place, column = self._layout, self._layout.at
+        layout, column = self._layout, self._layout.at
         # One bit of the status for each of the marks.
         status = np.zeros(len(outputs), np.uint32)
         marked = outputs[:, self._mark_columns] > _IS_MARKED
@@ -311,10 +311,10 @@ class RecursiveTracker:
             self._diverged = True
             status[diverged] |= np.uint32(_DIVERGED)
         # The estimates, by the outputs' columns.
-        nis, innovation = surprises(outputs, place)
+        nis, innovation = surprises(outputs, layout)
         columns = {
-            "values": outputs[:, place["values"]],
-            "std": np.sqrt(np.maximum(outputs[:, place["variances"]], 0.0)),
+            "values": outputs[:, layout["values"]],
+            "std": np.sqrt(np.maximum(outputs[:, layout["variances"]], 0.0)),
             "surface": part.position + outputs[:, column("depth")],
             "surface_std": np.sqrt(np.maximum(outputs[:, column("depth_variance")], 0.0)),
             "force": outputs[:, column("force")],

@@ -230,8 +230,8 @@ def _stretch_state(process: InertialProcess, start: Start, carry: Carry, first: 
     It is resumed where the first position is below the last surface: the depth is then that below this surface, and the
     material stays. Else the mean and deviations of `start` apply. The order is that of `state_layout`.
     """
-    place, carried = process.layout, state_layout(process)
-    depth_row, material = place.at("depth"), place.span("memory", "derivatives")
+    layout, carried = process.layout, state_layout(process)
+    depth_row, material = layout.at("depth"), layout.span("memory", "derivatives")
     rate, depth = -float(first.velocity[0]), carry.surface - float(first.position[0])
     resumed = carry.state is not None and depth > 0
     mean, covariance = start.mean.copy(), np.diag(start.std**2)
@@ -242,6 +242,6 @@ def _stretch_state(process: InertialProcess, start: Start, carry: Carry, first: 
         covariance[material, material] = before[material, material]
         mean[depth_row] = depth
         covariance[depth_row, depth_row] = before[depth_row, depth_row] + RESUME_STD**2
-    mean[place.at("rate")] = rate if np.isfinite(rate) else 0.0
+    mean[layout.at("rate")] = rate if np.isfinite(rate) else 0.0
     force, low_count, factor = 0.0, 0.0, 1.0
     return np.concatenate([mean, covariance.ravel(), [force, low_count, factor]]), resumed

@@ -28,7 +28,7 @@ def kinematic_bias(
     `assumed` (4,) and `real` (3,) are its noises; a share `transient` of the samples is left out at the beginning. None
     where the numbers do not hold.
     """
-    step, place = kinematic_bias_step(model, mass)
+    step, layout = kinematic_bias_step(model, mass)
     state = np.zeros(step.state.numel())
     state[: _MOTION_STATES * _MOTION_STATES] = np.diag(np.square(_START_STD)).ravel()
     _, outputs = compile_step(step).run(state, inputs, np.concatenate([values, assumed, real]))
@@ -36,8 +36,8 @@ def kinematic_bias(
     if not np.isfinite(stationary).all():
         return None
     q = len(values) + 1
-    information = stationary[:, place["information"]].sum(axis=0).reshape(q, q)
-    return pull_on_estimates(information, stationary[:, place["pull"]].sum(axis=0))
+    information = stationary[:, layout["information"]].sum(axis=0).reshape(q, q)
+    return pull_on_estimates(information, stationary[:, layout["pull"]].sum(axis=0))
 
 
 def pull_on_estimates(information: Floats, pull: Floats) -> Floats | None:

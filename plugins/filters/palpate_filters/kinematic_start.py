@@ -45,7 +45,7 @@ def fresh_state(
 
     None where the fit fails and a longer window may help: while `patient`, with a model that can be fitted.
     """
-    place, chart = process.layout, process.chart
+    layout, chart = process.layout, process.chart
     mean, covariance = _guessed_state(settings, process, window)
     theta, fit = guess, None
     if fits(settings):
@@ -55,25 +55,25 @@ def fresh_state(
             return None
     if fit is not None:
         theta = fit.theta
-        mean[place.at("surface")] = fit.surface
-        mean[place["bias"]] = fit.bias
+        mean[layout.at("surface")] = fit.surface
+        mean[layout["bias"]] = fit.bias
         covariance = _fitted_covariance(settings, process, fit, covariance)
     mean[chart] = process.on_chart(theta.tolist(), math.log)
     low_count = 0.0
-    return np.concatenate([mean, covariance.ravel(), [low_count], mean[place["bias"]]]), False
+    return np.concatenate([mean, covariance.ravel(), [low_count], mean[layout["bias"]]]), False
 
 
 def _guessed_state(settings: KinematicSettings, process: KinematicProcess, window: Samples) -> tuple[Floats, Floats]:
     """Return mean (n,), without the parameters, and covariance (n, n) before any fit."""
-    place, surface = process.layout, process.layout.at("surface")
+    layout, surface = process.layout, process.layout.at("surface")
     mean, std = np.zeros(process.states), np.zeros(process.states)
     mean[surface] = window.position[0] + settings.start_depth
     std[surface] = 2.0 * settings.start_depth  # a choice: it includes a tip that is not in contact yet
     std[process.chart] = settings.start_spread
-    std[place["memory"]] = 1.0  # a choice, in the units of the model's internal states
+    std[layout["memory"]] = 1.0  # a choice, in the units of the model's internal states
     # On a sweep.
-    std[place["slope"]] = SLOPE_STD * settings.sweep_speed
-    std[place["trend"]] = TREND_STD
+    std[layout["slope"]] = SLOPE_STD * settings.sweep_speed
+    std[layout["trend"]] = TREND_STD
     _put_motion(process, settings.position_std, settings.velocity_std, mean, std, first=window)
     covariance = np.diag(std**2)
     _put_bias_covariance(settings, process, covariance, float(window.time[0]))

@@ -318,11 +318,11 @@ def _linearised_reading(process: KinematicProcess, point: Any) -> tuple[Any, Any
     force = process.model.force(process.depth(parts), process.rate(parts), theta, parts[process.layout["memory"]])
 
     # It is evaluated no nearer to 0 than the floor, and is 0 out of contact; mass and bias add theirs.
-    place, depth, floored_state = process.layout, process.depth(ca.vertsplit(point)), ca.SX(point)
-    floored_state[place.at("surface")] = point[place.at("height")] + ca.fmax(depth, DEPTH_FLOOR)
+    layout, depth, floored_state = process.layout, process.depth(ca.vertsplit(point)), ca.SX(point)
+    floored_state[layout.at("surface")] = point[layout.at("height")] + ca.fmax(depth, DEPTH_FLOOR)
     slope = ca.substitute(ca.jacobian(force, state).T, state, floored_state) * (depth > 0)
-    slope[place.at("acceleration")] -= process.mass
-    slope[place["bias"]] += 1
+    slope[layout.at("acceleration")] -= process.mass
+    slope[layout["bias"]] += 1
     return process.reading(ca.vertsplit(point), ca.exp), slope
 
 

@@ -136,7 +136,7 @@ def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
     assumed = _Noise(settings.force_std, settings.velocity_std) if is_stated else real
 
     # The error statistics along the motion, from an uncertain start.
-    step, place = bias_step(InertialProcess(track.model, track.tip_mass))
+    step, layout = bias_step(InertialProcess(track.model, track.tip_mass))
     numbers = np.array([*track.values, assumed.force, assumed.velocity, real.force, real.velocity])
     state = np.zeros(step.state.numel())
     nx = 2 + len(track.model.memory)
@@ -146,12 +146,12 @@ def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
     # The bias is information^-1 pull, each parameter in the unit in which its information is 1.
     stationary = outputs[int(_TRANSIENT_SHARE * len(rows)) :]
     k = len(track.values)
-    information = stationary[:, place["information"]].sum(axis=0).reshape(k, k)
+    information = stationary[:, layout["information"]].sum(axis=0).reshape(k, k)
     scale = np.sqrt(np.diag(information))
     if not np.isfinite(stationary).all() or not (scale > 0).all():
         return None
     unit = information / np.outer(scale, scale)
-    return np.asarray(np.linalg.solve(unit, stationary[:, place["pull"]].sum(axis=0) / scale) / scale)
+    return np.asarray(np.linalg.solve(unit, stationary[:, layout["pull"]].sum(axis=0) / scale) / scale)
 
 
 def bias_step(process: InertialProcess) -> tuple[Step, Layout]:

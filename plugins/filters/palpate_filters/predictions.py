@@ -179,14 +179,14 @@ def _force_slope(process: InertialProcess, mean: Any) -> Any:
     import casadi as ca
 
     symbols = ca.SX.sym("x", process.states)
-    parts, place = ca.vertsplit(symbols), process.layout
+    parts, layout = ca.vertsplit(symbols), process.layout
     # The slope is taken in symbols, without the force's branch at depth 0.
-    depth, rate = parts[place.at("depth")], parts[place.at("rate")]
-    force = process.model.force(depth, rate, parts[place["parameters"]], parts[place["memory"]])
+    depth, rate = parts[layout.at("depth")], parts[layout.at("rate")]
+    force = process.model.force(depth, rate, parts[layout["parameters"]], parts[layout["memory"]])
     slope = ca.jacobian(force, symbols).T
     # It is evaluated no nearer to the pole of sqrt(d) than the floor.
-    depth, floored_mean = mean[place.at("depth")], ca.SX(mean)
-    floored_mean[place.at("depth")] = ca.fmax(depth, DEPTH_FLOOR)
+    depth, floored_mean = mean[layout.at("depth")], ca.SX(mean)
+    floored_mean[layout.at("depth")] = ca.fmax(depth, DEPTH_FLOOR)
     return ca.substitute(slope, symbols, floored_mean) * (depth > 0)
 
 

@@ -33,9 +33,9 @@ def output_layout(parameters: int, states: int = 0) -> Layout:
     return Layout(**numbers, nis=1, innovation=1, **marks, mean=states, covariance=states * states)
 
 
-def surprises(outputs: Floats, place: Layout) -> tuple[Floats, Floats]:
+def surprises(outputs: Floats, layout: Layout) -> tuple[Floats, Floats]:
     """Return NIS and normalised innovation (n,) of outputs of `output_layout`; NaN where nothing was measured."""
-    nis, innovation = outputs[:, place.at("nis")], outputs[:, place.at("innovation")]
+    nis, innovation = outputs[:, layout.at("nis")], outputs[:, layout.at("innovation")]
     return np.where(nis < 0, np.nan, nis), np.where(innovation == 0, np.nan, innovation)
 
 

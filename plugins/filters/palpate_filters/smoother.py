@@ -136,23 +136,23 @@ class _SmoothingTracker:
         `stretches` of the touch follow one another in the rows of `block`. `noise` is that of force [N] and velocity
         [m/s] where it was measured.
         """
-        place = self._place
+        layout = self._place
         rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
         samples = block[rows]
         smoothed = self._smoothed_rows(samples, stretches, noise)
         # Where a position is missing, so is the surface above it; parameters and variances are never missing.
-        if not np.isfinite(smoothed[:, place.span("values", "variances")]).all():
+        if not np.isfinite(smoothed[:, layout.span("values", "variances")]).all():
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
         if len(self._passes) > 1:
-            self._smoothed.append((samples.time, smoothed[:, place.span("values", "force").stop :].copy()))
-        estimates.values[rows] = smoothed[:, place["values"]]
-        estimates.std[rows] = np.sqrt(np.maximum(smoothed[:, place["variances"]], 0.0))
-        estimates.surface[rows] = samples.position + smoothed[:, place.at("depth")]
-        estimates.surface_std[rows] = np.sqrt(np.maximum(smoothed[:, place.at("depth_variance")], 0.0))
-        estimates.force[rows] = smoothed[:, place.at("force")]
+            self._smoothed.append((samples.time, smoothed[:, layout.span("values", "force").stop :].copy()))
+        estimates.values[rows] = smoothed[:, layout["values"]]
+        estimates.std[rows] = np.sqrt(np.maximum(smoothed[:, layout["variances"]], 0.0))
+        estimates.surface[rows] = samples.position + smoothed[:, layout.at("depth")]
+        estimates.surface_std[rows] = np.sqrt(np.maximum(smoothed[:, layout.at("depth_variance")], 0.0))
+        estimates.force[rows] = smoothed[:, layout.at("force")]
         # Innovations are the filter's.
         surprises = [stretch.surprises for stretch in stretches]
         estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*surprises, strict=True))

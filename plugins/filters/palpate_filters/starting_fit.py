@@ -161,28 +161,28 @@ def _with_bias(
     `fitted` are the indexes of the parameters among `theta`, `design` (n, 1 + len(fitted)) the slopes of the force by
     the surface and by these. Parameters are in the chart of their logarithms.
     """
-    place = Layout(surface=1, chart=len(theta), bias=1)
+    layout = Layout(surface=1, chart=len(theta), bias=1)
     slopes = np.column_stack([design[:, 0], _chart_slopes(design[:, 1:], theta, fitted), np.ones(len(design))])
     slopes = slopes / prior.noise
     information = slopes.T @ slopes
 
     # The covariance of what window and prior determine, unless they hardly do.
-    rows = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
+    rows = np.r_[layout.at("surface"), layout["chart"].start + np.array(fitted), layout.at("bias")]
     total = information[np.ix_(rows, rows)].copy()
     total[-1, -1] += 1.0 / prior.std**2
     scale = np.sqrt(np.diag(total))
     if np.linalg.cond(total / np.outer(scale, scale)) > _MAX_CONDITION:
         return None
-    covariance = np.zeros((place.size, place.size))
+    covariance = np.zeros((layout.size, layout.size))
     covariance[np.ix_(rows, rows)] = scaled_inverse(total)
 
     std = np.sqrt(np.diag(covariance))
-    chart_std = std[place["chart"]]  # of logarithms, so relative
+    chart_std = std[layout["chart"]]  # of logarithms, so relative
     if chart_std[fitted[0]] > _MAX_RELATIVE_STD:
         return None
     return StartFit(
         surface=float(_rounded(surface)),
-        surface_std=float(_rounded(std[place.at("surface")])),
+        surface_std=float(_rounded(std[layout.at("surface")])),
         theta=_rounded(theta),
         theta_std=_rounded(theta * chart_std),
         bias=float(_rounded(bias)),

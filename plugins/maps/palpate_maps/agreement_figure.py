@@ -15,6 +15,7 @@ from palpate_maps.map_agreement import MapAgreement
 from palpate_maps.sites import Sites, line_coordinate
 
 _PANEL_HEIGHT = 60.0  # [mm], a choice
+_SCALE_SHARE = 0.8  # of a panel's height, a choice: the colour scale
 _MARGIN = 2.0  # [mm] about the sites
 _MAX_SHOWN_SCORE = 2.0  # E_n at the ends of the scale of colours: twice the limit
 # Choices [pt^2]: a raster has many sites, of which few are compared.
@@ -39,7 +40,7 @@ def _lines_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement
     name, factor = display_unit(unit)
     first_sites = next(iter(series.values()))
     direction = int(np.argmax(np.ptp(first_sites.place, axis=0)))  # 0 for x, 1 for y
-    # Above: the values of each run.
+    # Above: the values of each run, in a pale band. Widths of lines are points, and choices.
     for run, sites in series.items():
         order = np.argsort(sites.place[:, direction])
         position = 1e3 * sites.place[order, direction]
@@ -90,7 +91,7 @@ def _areas_picture(series: Mapping[str, Sites], pairs: Mapping[str, MapAgreement
         low, high = panel.limits
         x, y = 1e3 * panel.place[:, :2].T
         dots = axis.scatter(x, y, c=panel.values, cmap=panel.colours, vmin=low, vmax=high, s=panel.dot_size)
-        figure.colorbar(dots, ax=axis, shrink=0.8, label=panel.quantity)
+        figure.colorbar(dots, ax=axis, shrink=_SCALE_SHARE, label=panel.quantity)
         axis.set(title=panel.title, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         axis.set(xlim=(x_low, x_high), ylim=(y_low, y_high))
         axis.grid(False)

@@ -45,7 +45,8 @@ def find_baseline(
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
     that they hide each other: then the baseline is the lowest mode, determined by what lies below it. `floor` is the
-    least spread assumed, `single` the level of the test of one population.
+    least spread assumed, `single` the level of the test of one population. The defaults are choices:
+    the usual 5 %, and no more outliers than other sites.
     """
     by_rosner = _without_outliers(log, level, share, floor)
     inner = log[by_rosner.members]

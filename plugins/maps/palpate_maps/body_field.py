@@ -152,8 +152,9 @@ def fit_bodies(field: SiteField, bodies: Sequence[Body], floor: float, shift_sig
     """
     starts = tuple(bodies)
     start, low, high = _unknowns_and_bounds(_level(field, starts), starts, shift_sigmas)
-    widths = np.cumsum([body.size for body in starts], dtype=int)
-    system = _Equations(field, starts, widths)
+    # The level is the unknown 0, and a body's width is the last of its own unknowns.
+    width_rows = np.cumsum([body.size for body in starts], dtype=int)
+    system = _Equations(field, starts, width_rows)
     unknowns, noise = start, floor
     residual: Floats = np.zeros(0)
     # Fit and noise in turn, until the noise stays: noise^2 = r'r over the degrees of freedom.
@@ -206,7 +207,7 @@ class _Equations:
 
     field: SiteField
     starts: tuple[Body, ...]
-    widths: NDArray[np.int_]  # (K,) index of each logarithm of a width among the unknowns
+    width_rows: NDArray[np.int_]  # (K,) index of each logarithm of a width among the unknowns
 
     def bodies(self, unknowns: Floats) -> tuple[Body, ...]:
         """Return the bodies of unknowns (1 + p,)."""
@@ -224,10 +225,10 @@ class _Equations:
     def prior_rows(self, unknowns: Floats) -> Floats:
         """Return residuals and slopes (2 K, 2 + p) of the logarithms of widths and contrasts, over their spreads."""
         count = len(self.starts)
-        numbers, contrasts = np.arange(count), self.widths - 1
+        numbers, contrasts = np.arange(count), self.width_rows - 1
         rows = np.zeros((2 * count, 1 + len(unknowns)))
-        rows[:count, 0] = (np.log(_TYPICAL_SIGMA) - unknowns[self.widths]) / _SIGMA_SPREAD
-        rows[numbers, 1 + self.widths] = -1 / _SIGMA_SPREAD
+        rows[:count, 0] = (np.log(_TYPICAL_SIGMA) - unknowns[self.width_rows]) / _SIGMA_SPREAD
+        rows[numbers, 1 + self.width_rows] = -1 / _SIGMA_SPREAD
         start = np.array([body.contrast for body in self.starts])
         rows[count:, 0] = (np.log(start) - np.log(unknowns[contrasts])) / _CONTRAST_SPREAD
         rows[count + numbers, 1 + contrasts] = -1 / (_CONTRAST_SPREAD * unknowns[contrasts])

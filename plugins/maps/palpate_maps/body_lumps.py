@@ -31,14 +31,14 @@ def body_lump(fit: BodyFit, members: Sequence[int], points: Floats, contact_radi
     # Standard deviations of x and y: on a surface, of the directions in its plane as seen from above.
     place_variance = np.diag(highest.axes @ body_covariance[:-2, :-2] @ highest.axes.T)[:2]
     middle, extent, axes = _shape(bodies, highest, contrast)
-    height = _contrast(bodies, points) >= _HALF_HEIGHT * contrast if len(points) else np.zeros(0, bool)
+    is_on_lump = _contrast(bodies, points) >= _HALF_HEIGHT * contrast if len(points) else np.zeros(0, bool)
     return Lump(
         (float(middle[0]), float(middle[1])),
         extent,
         contrast=contrast,
         contrast_std=fit.std_of(slopes),
         p=absence_p(fit, members),
-        checked=bool(height.any()),
+        checked=bool(is_on_lump.any()),
         highest=(float(highest.place[0]), float(highest.place[1])),
         height=float(middle[2]) if len(middle) > 2 else None,
         axes=axes,

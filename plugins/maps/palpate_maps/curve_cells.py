@@ -20,6 +20,7 @@ from palpate_kit.figures import figure_of, style
 from palpate_maps.map_grid import MERGE_DISTANCE
 
 _PANEL_HEIGHT = 60.0  # [mm], a choice
+_SCALE_SHARE = 0.8  # of a panel's height, a choice: the colour scale
 _OFF_GRID = 0.25  # of a step by which a place may be off its cell: a stage's error, and not half a cell
 _SAME_STEP = 1e-3  # of the extent: places that are nearer along an axis are in one line
 _MAX_CELLS_PER_CURVE = 4  # cells for each curve: a place far from all others would make a map of nothing
@@ -185,7 +186,7 @@ def cells_picture(cells: CurveCells, unit: str) -> Any:
     ]
     for axis, (field, title, colours) in zip(axes[0], panels, strict=True):
         image = axis.imshow(field, origin="lower", extent=edges, cmap=colours, aspect="equal", interpolation="nearest")
-        figure.colorbar(image, ax=axis, shrink=0.8)
+        figure.colorbar(image, ax=axis, shrink=_SCALE_SHARE)
         _mark_empty_cells(axis, cells, per_metre)
         axis.set(title=title, xlabel=f"x [{length}]", ylabel=f"y [{length}]")
         axis.grid(False)

@@ -99,7 +99,7 @@ def slack(change: float, rate: float, blocks: int) -> float:
     return float(np.clip(half, min(_MIN_SLACK, largest), largest))
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=4096)  # a choice: the values that the search for a threshold comes back to
 def run_length(k: float, h: float) -> float:
     """Return the mean number of standard normal values until the one-sided sum exceeds h, from 0.
 
@@ -145,13 +145,13 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     """
     half = 0.5 * settings.width  # a change lies anywhere in its block
     candidates = peaks(curve, float(np.log1p(settings.contrast)))
-    highest: dict[Peak, float] = {}
+    p_of_peak: dict[Peak, float] = {}  # the least of its alarms
     for begin, end, p in _raised_spans(curve, settings):
         inside = [peak for peak in candidates if begin - half <= peak.highest <= end + half]
         if inside:
             peak = max(inside, key=attrgetter("height"))
-            highest[peak] = min(p, highest.get(peak, 1.0))
-    lumps = [lump_of_peak(curve, peak, settings, p) for peak, p in highest.items()]
+            p_of_peak[peak] = min(p, p_of_peak.get(peak, 1.0))
+    lumps = [lump_of_peak(curve, peak, settings, p) for peak, p in p_of_peak.items()]
     return curve.findings(lumps, f"cumulative sums over blocks of {1e3 * settings.width:g} mm")
 
 

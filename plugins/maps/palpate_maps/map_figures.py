@@ -21,6 +21,7 @@ from palpate_maps.sites import Sites
 
 _AREA_HEIGHT = 60.0  # [mm] of a panel seen from above, a choice
 _CURVE_HEIGHT = 70.0  # [mm] of a panel with a legend or labels of two lines, a choice
+_SCALE_SHARE = 0.8  # of a panel's height, a choice: the colour scale
 _PLOT_HEIGHT = 0.8  # of a picture's height, between the title and the label of the x axis
 _SCALE_WIDTH = 0.5  # of a picture's height: a scale with its label, and the label of the y axis
 _CURVE_WIDTH = 0.8  # of a picture's height: the curve of what is excluded, with its labels
@@ -53,7 +54,7 @@ def map_picture(
     # Both panels have the same places over their colours; lumps have their number in the first alone.
     for axis, (values, title, colours) in zip(axes[0], panels, strict=False):
         image = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
-        figure.colorbar(image, ax=axis, shrink=0.8)
+        figure.colorbar(image, ax=axis, shrink=_SCALE_SHARE)
         _draw_sites(axis, field)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
         for outline in outlines:
@@ -103,7 +104,7 @@ def hiding_picture(
     is_tilted = hiding.middles.shape[1] > 2
     view = "seen from above; " if is_tilted else ""
     scale_label = f"patches expected [% per cm²]\n{view}{prior:.2g} beforehand"
-    figure.colorbar(image, ax=axis, shrink=0.8, label=scale_label)
+    figure.colorbar(image, ax=axis, shrink=_SCALE_SHARE, label=scale_label)
     for lump in lumps:
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "+", **CROSS)
     axis.set(title=f"a patch remains with {hiding.risk_text}", xlabel="x [mm]", ylabel="y [mm]")

@@ -79,12 +79,12 @@ def make_map(
     covered = (distance <= COVERED * pitch).reshape(shape)
     value: Floats = np.where(covered, np.exp(mean).reshape(shape), np.nan)
     p, stiff = significance(sites, mean, std, covered.ravel())
-    spread = value * std.reshape(shape)
+    absolute_std = value * std.reshape(shape)
     return StiffnessMap(
         x=x,
         y=y,
         value=value,
-        std=spread,
+        std=absolute_std,
         covered=covered,
         p=p.reshape(shape),
         stiff=stiff.reshape(shape),
@@ -155,16 +155,17 @@ def line_distance(sites: Sites) -> float:
     from scipy.spatial import KDTree
 
     places, count = sites.place, len(sites)
-    beside = 1 if sites.standing.all() else _BESIDE
+    neighbours_on_line = 1 if sites.standing.all() else _BESIDE
     tree, nearest = KDTree(places), np.full(count, np.inf)
-    # More and more neighbours are asked for, of the sites that have none of another time so far.
-    remaining, asked = np.arange(count), 2 * beside  # of which those to either side on its own line do not count
-    while len(remaining) and asked < count:
-        asked = min(2 * asked, count)
-        for rows in _portions(remaining, asked):
-            others = tree.query(places[rows], asked)[1]
+    # More and more neighbours are asked for, of the sites that have none of another time so far. At first these are
+    # doubled: as many as a site has on its own line, to both sides, do not count.
+    remaining, neighbour_count = np.arange(count), 2 * neighbours_on_line
+    while len(remaining) and neighbour_count < count:
+        neighbour_count = min(2 * neighbour_count, count)
+        for rows in _portions(remaining, neighbour_count):
+            others = tree.query(places[rows], neighbour_count)[1]
             distance = np.linalg.norm(places[rows, None] - places[others], axis=2)
-            same_time = np.abs(rows[:, None] - others) < beside
+            same_time = np.abs(rows[:, None] - others) < neighbours_on_line
             distance[same_time | (distance < _SAME_PLACE)] = np.inf
             nearest[rows] = distance.min(axis=1)
         remaining = remaining[~np.isfinite(nearest[remaining])]

@@ -49,8 +49,9 @@ class Path2D:
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
-    """Return the estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
+    """Return the estimates of one parameter along the path of a run and its continuations, without rejected ones.
 
+    Without names these are the first parameter of the best track.
     Each part is read from the first track that it has, in the order of `tracks_of`, which is that of every command: a
     part that was killed has no offline estimates. `Path2D.source` says which. Raises LogError for what is missing.
     """
@@ -123,11 +124,11 @@ def join_paths(paths: Sequence[Path2D]) -> Path2D:
     for path in paths:
         count[path.track] += len(path.time)
     main = next(path for path in paths if path.track == count.most_common(1)[0][0])
-    shift = np.cumsum([0.0, *(path.time[-1] + _BETWEEN_PARTS for path in paths[:-1])])
+    delays = np.cumsum([0.0, *(path.time[-1] + _BETWEEN_PARTS for path in paths[:-1])])
     return Path2D(
         track=main.track,
         parameter=main.parameter,
-        time=np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
+        time=np.concatenate([path.time + delay for path, delay in zip(paths, delays, strict=True)]),
         place=np.concatenate([path.place for path in paths]),
         value=np.concatenate([path.value for path in paths]),
         std=np.concatenate([path.std for path in paths]),

@@ -40,6 +40,7 @@ def thickness(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Of the tip: radius='5 mm'.")
     ] = None,
     depth: Annotated[str, typer.Option(help="Deepest depth of the table.")] = "5 mm",
+    # Choices: more rows and elements take longer; the rows determine a curve of five coefficients.
     points: Annotated[int, typer.Option(help="Rows of the table.", min=5, max=100)] = 10,
     bonded: Annotated[bool, typer.Option("--bonded/--sliding", help="Whether the base holds the specimen.")] = True,
     sticking: Annotated[bool, typer.Option("--sticking", help="The surface does not slide on the tip.")] = False,

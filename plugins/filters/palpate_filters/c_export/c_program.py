@@ -158,14 +158,15 @@ def _struct(settings: Sequence[SettingGroup], name: str) -> Iterator[str]:
 
 def _preamble(filter: ExportedTrack) -> Iterator[str]:
     """Yield the lines of C before the functions: constants, sizes, and the places of all parts of state and output."""
-    state, place = filter.state, filter.output  # rows of the process's state, columns of a step's output
+    # Rows of the process's state, columns of a step's output.
+    state_layout, output_layout = filter.state, filter.output
     step = filter.recursion.step
     yield from ('#include "palpate_filter.h"', "", "#include <limits.h>", "#include <math.h>", "")
     yield from ("#ifdef __FAST_MATH__", "#error the numbers of this filter need exact arithmetic: no -ffast-math")
     yield from ("#endif", "")
-    yield f"#define BIASED {int('bias' in state)}"
+    yield f"#define BIASED {int('bias' in state_layout)}"
     yield f"#define FITTABLE {int(_has_fit(filter))}"
-    yield f"#define DRIFTING {int('drift' in state)}"
+    yield f"#define DRIFTING {int('drift' in state_layout)}"
     yield f"#define TIP_MASS {c_number(filter.mass)} /* [kg] */"
     yield f"#define PAUSE {c_number(PAUSE)} /* [s]; over a longer one the measured position carries the depth */"
     yield f"#define FIT_SPREAD {c_number(filter.fit_spread)} /* the filter sees the fitted samples again */"
@@ -173,7 +174,7 @@ def _preamble(filter: ExportedTrack) -> Iterator[str]:
         yield f"#define ACCELERATION_STD {c_number(filter.acceleration_std)} /* [m/s^2] */"
     yield ""
     sizes = {
-        "STATES": state.size,
+        "STATES": state_layout.size,
         "INPUTS": step.sample.numel(),
         "OUTPUTS": step.output.numel(),
         "STEP_SETTINGS": step.settings.numel(),
@@ -181,10 +182,10 @@ def _preamble(filter: ExportedTrack) -> Iterator[str]:
     }
     yield f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};"
     carried = filter.carried  # rows of all that a step hands to the next: mean, covariance, counters
-    yield _places("AT", _state_places(state, filter.parameters))
+    yield _places("AT", _state_places(state_layout, filter.parameters))
     yield _places("AT", {"MEAN": carried["mean"].start, "COVARIANCE": carried["covariance"].start})
     yield _places("AT", {name.upper(): carried[name].start for name in carried if name not in _MATRICES})
-    yield _places("OUT", {name.upper(): place[name].start for name in place if name not in _MATRICES})
+    yield _places("OUT", {name.upper(): output_layout[name].start for name in output_layout if name not in _MATRICES})
     if _has_fit(filter):
         yield f"static const int fitted[] = {{{', '.join(map(str, filter.fitted))}}};"
     yield ""

@@ -31,6 +31,7 @@ def lumps(
     run: Run,
     track: TrackOption = None,
     parameter: Parameter = None,
+    # Choices, those of `LumpSettings`: without lumps one exam in 200 finds one, and less than 4 % is not reported.
     rate: Annotated[float, typer.Option(help="False-discovery rate; chance of a false alarm without lumps.")] = 0.005,
     contrast: Annotated[float, typer.Option(help="Least contrast that is reported.")] = 0.04,
     width: Annotated[str, typer.Option(help="Width of a site.")] = "4 mm",

@@ -165,7 +165,7 @@ def write_sweep(output: MapOutput, sweep_length: float, points: Path | None) -> 
 
 
 def write_flat_map(output: MapOutput, cell_size: float, method: str) -> MapAnswer:
-    """Write the map of an area, with cells of a size [m], and its picture."""
+    """Write the map of an area, with cells of a size [m], and its picture; return its text, and its facts for JSON."""
     from palpate_maps import map_analysis as maps, map_figures, map_files
 
     path, sites = output.path, output.sites

@@ -46,7 +46,7 @@ def plan_picture(
         detail=detail,
         label="speed [mm/s]",
     )
-    # The nominal surface.
+    # The nominal surface, a thin line.
     for axis in height_row:
         axis.axhline(0.0, color="black", linewidth=0.5)
     height_row[0].set_title(f"{name}, as a whole")

@@ -41,9 +41,9 @@ class ContactRadius:
         is_significant = g > _ROUNDING * depth
         is_significant[0] = True
         x, g = x[is_significant], g[is_significant]
-        level = np.flatnonzero(~(np.diff(g) > 0))
-        if len(level):
-            raise ValueError(f"the reduced profile does not grow at a radius of {x[level[0]]:.4g} m")
+        level_rows = np.flatnonzero(~(np.diff(g) > 0))
+        if len(level_rows):
+            raise ValueError(f"the reduced profile does not grow at a radius of {x[level_rows[0]]:.4g} m")
         self.depth, self.face, self.edge = depth, face, edge
         self._reduced = reduced
         self._guess = PchipInterpolator((g / depth) ** 0.25, x)
