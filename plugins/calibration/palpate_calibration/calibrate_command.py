@@ -176,6 +176,7 @@ def _table(calibration: Calibration) -> object:
     """Return the table of values with their uncertainties, by where these come from."""
     from rich.table import Table
 
+    # Type A is the scatter of the repeats, type B what is stated of the rig.
     table = Table(title=calibration.name, title_justify="left")
     for heading in ("", "value", "95 % interval", "unit", "fit", "repeats", "type B"):
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")

@@ -78,7 +78,16 @@ class MeasuredValue:
         # Student's factor for the degrees of freedom of Welch and Satterthwaite.
         spread = fit**4 / freedom + (excess**2 / (len(values) - 1) if excess else 0.0)
         factor = _student(combined**4 / spread)
-        return cls(mean, unit, tuple(values.tolist()), fit, type_a, type_b, combined, factor)
+        return cls(
+            value=mean,
+            unit=unit,
+            repeats=tuple(values.tolist()),
+            fit=fit,
+            type_a=type_a,
+            type_b=type_b,
+            combined=combined,
+            factor=factor,
+        )
 
 
 def _excess_variance(values: Floats, std: Floats) -> float:
@@ -134,14 +143,14 @@ def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
 
     repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
     return MeasuredValue(
-        first.value + second.value,
-        first.unit,
-        repeats,
-        root_sum(first.fit, second.fit),
-        root_sum(first.type_a or 0.0, second.type_a or 0.0),
-        root_sum(first.type_b, second.type_b),
-        root_sum(first.combined, second.combined),
-        max(first.factor, second.factor),
+        value=first.value + second.value,
+        unit=first.unit,
+        repeats=repeats,
+        fit=root_sum(first.fit, second.fit),
+        type_a=root_sum(first.type_a or 0.0, second.type_a or 0.0),
+        type_b=root_sum(first.type_b, second.type_b),
+        combined=root_sum(first.combined, second.combined),
+        factor=max(first.factor, second.factor),  # of Student: the wider interval
     )
 
 

@@ -195,6 +195,7 @@ def _record_poses(step_plan: CalibrationPlan, step: Orientations, guide: Guide) 
         return [poses_of_a_log(step_plan, len(step.down))]
     repeats = []
     for repeat in range(step.repeats or step_plan.settings.repeats):
+        # A person turns the tool until gravity has each direction in turn; a simulated rig has a seed for each.
         poses = []
         for number, down in enumerate(step.down):
             direction = ", ".join(f"{part:.3f}" for part in down)

@@ -29,7 +29,7 @@ class MountingFit:
     """The orientation of a sensor on the tool, by one repeat."""
 
     rotation: Floats  # (3, 3) of the sensor on the tool
-    std: Floats  # (3, 3) covariance of a small turn of it [rad^2], in the tool's axes
+    covariance: Floats  # (3, 3) of a small turn of it [rad^2], in the tool's axes
     convention: int  # q: 1 or -1
     tells_reaction: bool  # True: the readings show whether they are the force on the tip or its reaction
 
@@ -72,7 +72,12 @@ def mounting_fit(
         )
     # A turn t changes the forces by weight t x d: its information is weight^2 sum(d^2 - d d^T).
     information = weight**2 * ((d**2).sum() * np.eye(3) - d.T @ d)
-    return MountingFit(q * fits[q].matrix.T, scaled_inverse(information) * std**2, q, is_significant)
+    return MountingFit(
+        rotation=q * fits[q].matrix.T,
+        covariance=scaled_inverse(information) * std**2,
+        convention=q,
+        tells_reaction=is_significant,
+    )
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,8 @@ def _convention_fits(f: Floats, d: Floats) -> dict[int, _ConventionFit]:
         signs = np.array([1.0, 1.0, handedness * q])
         weight = float((singular_values * signs).sum() / (d**2).sum())
         matrix = U @ np.diag(signs) @ Vt
-        fits[q] = _ConventionFit(float(((f - weight * d @ matrix.T) ** 2).sum()), matrix, weight)
+        squares = float(((f - weight * d @ matrix.T) ** 2).sum())
+        fits[q] = _ConventionFit(squares, matrix, weight)
     return fits
 
 
@@ -162,7 +168,7 @@ def _vector_std(fit: MountingFit, vector: Floats, near: Floats) -> Floats:
     turns = [rotation_matrix((_TURN_STEP * axis).tolist()) for axis in np.eye(3)]
     turned_vectors = np.array([_vector(turn @ fit.rotation, near) for turn in turns])
     slopes = (turned_vectors - vector).T / _TURN_STEP
-    return np.sqrt(np.diag(slopes @ fit.std @ slopes.T))
+    return np.sqrt(np.diag(slopes @ fit.covariance @ slopes.T))
 
 
 def _level_term(forces: Floats, tools: Floats, down: Floats, angle: float, convention: int, near: Floats) -> Floats:

@@ -41,10 +41,12 @@ class WrenchRecorder:
             raise LogError(
                 f"calibration: orientations need all six columns of the sensor; {', '.join(missing)} missing"
             )
+        # The columns of force and torque, and the readings of each batch with their time-stamps [ns].
         self._columns = [names.index(axis) for axis in _AXES]
         self._sign = port.signal.sign
         self._stamps: list[NDArray[np.int64]] = []
         self._values: list[Floats] = []
+        # The columns of the arm's quaternion, none where it reports no orientation.
         pose = ports["position"]
         self.arm, self._pose = pose.key
         channels = [channel.name for channel in pose.stream.channels]

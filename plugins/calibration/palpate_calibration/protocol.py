@@ -69,11 +69,11 @@ def shake_findings(records: Sequence[CalibrationRecord], settings: CalibrationSe
             standstills.append(standstill_fit(record, standstill_stretches))
             _refuse_shifted(fits, segments, standstills[-1])
     return StepFindings(
-        _values(shakes, standstills, settings),
-        tuple(shakes),
-        tuple(standstills),
-        max(shake.residual for shake in shakes),
-        tuple(_notes(shakes, standstills)),
+        values=_values(shakes, standstills, settings),
+        shakes=tuple(shakes),
+        standstills=tuple(standstills),
+        residual=max(shake.residual for shake in shakes),
+        notes=tuple(_notes(shakes, standstills)),
     )
 
 
@@ -128,17 +128,18 @@ def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) 
         values = session.values | values
     if "mass" not in values and "mass_by_weight" in values:
         values["mass"] = values["mass_by_weight"]
+    # The sensor's reading without the tip's weight, where gravity pulls along it.
     if settings.gravity and {"mass", "offset"} <= values.keys():
         values["weight"] = scale_value(values["mass"], GRAVITY, "N")
         values["bias"] = add_values(values["offset"], values["weight"])
     shakes = tuple(shake for session in sessions for shake in session.shakes)
     return StepFindings(
-        {name: values[name] for name in sorted(values, key=_rank)},
-        shakes,
-        tuple(standstill for session in sessions for standstill in session.standstills),
-        max((session.residual for session in sessions), default=0.0),
-        (*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
-        {role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
+        values={name: values[name] for name in sorted(values, key=_rank)},
+        shakes=shakes,
+        standstills=tuple(standstill for session in sessions for standstill in session.standstills),
+        residual=max((session.residual for session in sessions), default=0.0),
+        notes=(*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
+        spectra={role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
     )
 
 

@@ -186,7 +186,10 @@ def _refuse_noise(motion: SineFit, force: SineFit, lines: tuple[float, ...]) -> 
 def _refuse_contact(
     mass: RepeatValue, masses: list[RepeatValue], delays: list[RepeatValue], lines: tuple[float, ...]
 ) -> None:
-    """Raise LogError where the force is not that of a mass."""
+    """Raise LogError where the force is not that of a mass.
+
+    That is where it lags by more than a quarter of a period, or where the lines differ in the mass or the delay.
+    """
     for delay, frequency in zip(delays, lines, strict=True):
         # A weak line's phase says little; the strong ones decide.
         if abs(delay.value) - _COVERAGE * delay.std > _QUARTER / frequency:

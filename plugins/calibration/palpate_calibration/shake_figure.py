@@ -29,6 +29,7 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
     omega = 2 * np.pi * np.array(shake.frequencies)
 
     def inertia(delay: float) -> np.ndarray:
+        """Return mass times acceleration (n,) [N], by the fitted sines of the height, later by a delay [s]."""
         turns = np.exp(1j * np.outer(time - middle - delay, omega))
         return np.asarray((turns * (session.values["mass"].value * omega**2 * motion.phasors)).sum(axis=1).real)
 

@@ -52,12 +52,12 @@ def sine_fit(
     share = float(np.mean(used))
     noise = [_variance_at(t, residual, frequency, frequencies, share) for frequency in frequencies]
     return SineFit(
-        coefficients[2::2] - 1j * coefficients[3::2],
-        np.array([variance for variance, _ in noise]),
-        np.array([freedom for _, freedom in noise]),
-        float(coefficients[0]),
-        float(coefficients[1]),
-        residual[used],
+        phasors=coefficients[2::2] - 1j * coefficients[3::2],
+        variances=np.array([variance for variance, _ in noise]),
+        freedom=np.array([freedom for _, freedom in noise]),
+        offset=float(coefficients[0]),
+        slope=float(coefficients[1]),
+        residual=residual[used],
     )
 
 

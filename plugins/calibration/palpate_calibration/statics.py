@@ -70,13 +70,13 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
     # The mass stands in the arms: its share adds to the centre's uncertainty.
     centre_std = np.hypot(torque_std[:3], np.abs(torque[:3]) * weight_std[0] / abs(mass))
     return WeightFit(
-        RepeatValue(mass, float(weight_std[0]), 3.0 * count - design.shape[1]),
-        torque[:3],
-        centre_std,
-        weight[1:],
-        weight_std[1:],
-        torque[3:],
-        torque_std[3:],
+        mass=RepeatValue(mass, float(weight_std[0]), freedom=3.0 * count - design.shape[1]),
+        centre=torque[:3],
+        centre_std=centre_std,
+        force_bias=weight[1:],
+        force_bias_std=weight_std[1:],
+        torque_bias=torque[3:],
+        torque_bias_std=torque_std[3:],
     )
 
 

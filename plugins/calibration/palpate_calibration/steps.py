@@ -54,6 +54,7 @@ def standstill_findings(records: Sequence[CalibrationRecord], settings: Calibrat
             raise LogError("calibration: the record contains no standstill of 2 s or more: the tip moves, or shakes")
         segments.append(segment)
     fits = [long_standstill_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
+    # The density of the slow noise over that of white noise, of the worst stretch.
     notes = []
     colour = max(stretch.colour for fit in fits for stretch in fit.stretches)
     if colour > MAX_COLOUR:

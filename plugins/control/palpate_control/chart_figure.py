@@ -51,7 +51,7 @@ def draw_chart(chart: ControlChart, path: Path) -> None:
     dates = [f"{chart.check[tick - 1].date:%Y-%m-%d}" for tick in ticks]
     upper.set_xticks(ticks, [])
     lower.set_xticks(ticks, dates, rotation=45, ha="right")
-    legend_outside(upper, 4)
+    legend_outside(upper, 4)  # columns
     legend_outside(lower, 4)
     save_figure(figure, path)
 

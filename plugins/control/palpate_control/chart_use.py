@@ -47,6 +47,7 @@ class ChartUse:
         tips = [plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()]
         if self.chart.tip and tips and not any(is_same_tip(self.chart.tip, tip, pipeline.registry) for tip in tips):
             doubts.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
+        # The chart has what identified both devices; a device of this run has it by its settings, or reported it.
         signals = {"sensor": pipeline.alignment.force, "robot": pipeline.alignment.position}
         for role, signal in signals.items():
             name, checked_identity = signal.channel.partition(".")[0], getattr(self.chart, role)

@@ -133,7 +133,7 @@ def _demand_same(chart: ControlChart, run_check: RunCheck, reference: Reference,
 
 def _table(chart: ControlChart) -> Table:
     """Return the table of the last checks, with both uncertainties, E_n, and distances with their limits."""
-    unit, factor = display_unit(chart.reference.unit)
+    unit, factor = display_unit(chart.reference.unit)  # the unit that is shown, and its number per SI unit
     rows = []
     numbered_checks = list(enumerate(zip(chart.check, chart.states, strict=True), 1))
     for number, (check, state) in numbered_checks[-_MAX_ROWS:]:

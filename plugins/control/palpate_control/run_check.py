@@ -48,11 +48,11 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
     repeat_std = math.hypot(*(value.get(term) or 0.0 for term in _REPEAT_TERMS))
     pipeline = _pipeline(folder)
     return RunCheck(
-        name,
-        _tip(pipeline, document["tracks"][name]["model"]),
-        _device(pipeline, document["run"], "force"),
-        _device(pipeline, document["run"], "position"),
-        RecordedCheck(
+        track=name,
+        tip=_tip(pipeline, document["tracks"][name]["model"]),
+        sensor=_device(pipeline, document["run"], "force"),
+        robot=_device(pipeline, document["run"], "position"),
+        check=RecordedCheck(
             date=datetime.fromisoformat(document["run"]["started"]),
             run=str(path),
             digest=hashlib.sha256((path / RESULT).read_bytes()).hexdigest(),

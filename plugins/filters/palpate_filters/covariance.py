@@ -48,7 +48,10 @@ def vector_update(covariance: Any, row: Any, variance: Any, is_present: Any) -> 
 
 
 def cholesky(matrix: Any) -> tuple[Any, Any]:
-    """Return the lower root of a symmetric matrix, and 1 if a pivot was negative; such pivots become 0, not NaN."""
+    """Return Cholesky's lower root L of a symmetric matrix L L^T, and 1 if a pivot was negative.
+
+    Such pivots, and their columns of L, become 0 and not NaN.
+    """
     import casadi as ca
 
     n = matrix.shape[0]

@@ -252,6 +252,7 @@ class RecursiveTracker:
             samples = piece.samples[:count]
             count -= len(samples)
             interval = samples.interval.copy()
+            # A further touch begins from the last one's end, without a prediction over the pause.
             if piece.starts_touch:
                 interval[0] = 0.0
                 if outputs:

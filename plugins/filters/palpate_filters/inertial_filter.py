@@ -130,14 +130,14 @@ def inertial_tracker(
 ) -> Tracker:
     """Return a tracker of a filter on the inertial process, with adaptive fading where it is given.
 
-    `prediction` is the extended or the unscented Kalman filter's.
+    `prediction` is the extended or the unscented Kalman filter's; `problem` has the model and the tip's mass.
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
     process = InertialProcess(problem.model, moved_mass(problem), settings.order)
     start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
     fading_settings = _fading_settings(fading, start)
 
-    def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
+    def step_settings(force_std: float | None, velocity_std: float | None) -> Floats:
         """Return the settings of the step, with the noises that were measured in place of the stated ones."""
         noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
         return np.array([*noise, *fading_settings, *start.mean, *start.std])
@@ -153,7 +153,7 @@ def inertial_tracker(
     recursion = Recursion(
         step=inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed),
         parameters=len(problem.model.parameters),
-        settings=numbers,
+        settings=step_settings,
         begin=begin,
         inputs=_step_inputs,
     )
@@ -228,9 +228,11 @@ def _stretch_state(process: InertialProcess, start: Start, carry: Carry, first: 
     """Return the state from which a stretch of contact begins, and whether it resumes the last estimate.
 
     It is resumed where the first position is below the last surface: the depth is then that below this surface, and the
-    material stays. Else the mean and deviations of `start` apply. The order is that of `state_layout`.
+    material stays. Else the mean and deviations of `start` apply. The order is that of `state_layout`. `carry` has the
+    state after the last sample and the surface's height [m] then, `first` the samples that begin the stretch.
     """
     layout, carried = process.layout, state_layout(process)
+    # The material's rows are internal states, parameters and their derivatives.
     depth_row, material = layout.at("depth"), layout.span("memory", "derivatives")
     rate, depth = -float(first.velocity[0]), carry.surface - float(first.position[0])
     resumed = carry.state is not None and depth > 0

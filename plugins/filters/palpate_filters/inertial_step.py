@@ -235,7 +235,10 @@ def fade(
 
 
 def update(process: InertialProcess, predicted: PredictedState, sample: Sample, tuning: Tuning) -> UpdatedState:
-    """Return x and P after a measured rate, which is the entry d' of the state."""
+    """Return x and P after a measured rate, which is the entry d' of the state.
+
+    `predicted.rate_column` is the column c of the gain where it is not that of P-, else None.
+    """
     import casadi as ca
 
     rate, variance = process.layout.at("rate"), tuning.rate_std**2

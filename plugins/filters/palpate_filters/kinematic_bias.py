@@ -106,7 +106,10 @@ class ErrorStatistics:
 
 
 def _update(before: ErrorStatistics, measured: _Measurement) -> tuple[ErrorStatistics, Any, Any]:
-    """Return the statistics after a measurement, its psi psi^T/S (q, q), and its (E[psi~ h_m e] + psi h_m E[e])/S."""
+    """Return the statistics after a measurement, its psi psi^T/S (q, q), and its (E[psi~ h_m e] + psi h_m E[e])/S.
+
+    The statistics are the gain covariance P, the joint covariance C of e and psi~, psi, and the mean E[e].
+    """
     import casadi as ca
 
     n, q, row = _MOTION_STATES, before.psi.shape[1], measured.row

@@ -55,15 +55,16 @@ def kinematic_recursion(
 ) -> Recursion:
     """Return the filter as its tracker needs it: its step, its settings, its start and its inputs.
 
-    With `known`, a function that gives states (m, n) at m samples, the force is linearised at these states instead of
-    the filter's own. `with_state` adds mean and covariance to the outputs.
+    `problem` has the model and the tip's mass. With `known`, a function that gives states (m, n) at m samples, the
+    force is linearised at these states instead of the filter's own. `with_state` adds mean and covariance to the
+    outputs.
     """
     mass_of(problem)
     process = kinematic_process(settings, problem)
     guess = guess_of(settings, process, problem)
     count = len(problem.model.parameters)
 
-    def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
+    def step_settings(force_std: float | None, velocity_std: float | None) -> Floats:
         """Return the settings of the step, with the noises that were measured in place of the stated ones."""
         # The last groups are for a restart: first depth and chart, and their standard deviations. That of the depth is
         # twice its guess, a choice: it includes a tip that is not in contact yet.
@@ -83,11 +84,11 @@ def kinematic_recursion(
         process, iterations=iterations, student=settings.student, with_state=with_state, linearised=known is not None
     )
     if known is None:
-        return Recursion(step=step, parameters=count, settings=numbers, begin=begin, inputs=_step_inputs)
+        return Recursion(step=step, parameters=count, settings=step_settings, begin=begin, inputs=_step_inputs)
     return Recursion(
         step=step,
         parameters=count,
-        settings=numbers,
+        settings=step_settings,
         begin=begin,
         inputs=lambda part, time: np.hstack([_step_inputs(part, time), known(part)]),
     )

@@ -142,7 +142,10 @@ def _put_motion(
 
 
 def resumed_state(process: KinematicProcess, carry: Carry, first: Samples) -> tuple[Floats, bool]:
-    """Return the state after a pause, resumed (True): motion by the first sample, surface and material kept."""
+    """Return the state after a pause, resumed (True): motion by the first sample, surface and material kept.
+
+    `carry` has the filter's state after the last sample.
+    """
     assert carry.state is not None
     carried, motion = state_layout(process), process.motion
     material = process.layout.span("surface", "trend")

@@ -206,7 +206,10 @@ def process_noise(process: KinematicProcess, interval: Any, noise: KinematicNois
 def _update_motion(
     process: KinematicProcess, before: _Moments, reading: _SampleSymbols, noise: KinematicNoise
 ) -> _Moments:
-    """Return the estimate after the measured height and velocity, which are entries of the state."""
+    """Return the estimate after the measured height and velocity, which are entries of the state.
+
+    With mean and covariance it has the sum of all squared normalised innovations so far, and their number.
+    """
     import casadi as ca
 
     x, P, squares, count = before.mean, before.covariance, before.squares, before.count

@@ -60,7 +60,11 @@ def noise_bias(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _predict_bias(track: TrackEvidence) -> Floats | None:
-    """Return the predicted bias (k,); None where the track has none, or where it cannot be determined."""
+    """Return the predicted bias (k,); None where the track has none, or where it cannot be determined.
+
+    It has none without a filter or a tip's mass. Of a kinematic filter it is not known where the parameters may change,
+    or where the model has internal states or adhesion.
+    """
     if not isinstance(track.estimator, PaperStart | KinematicSettings) or not track.tip_mass:
         return None
     is_kinematic = isinstance(track.estimator, KinematicSettings)
@@ -222,7 +226,8 @@ def _predict(
 ) -> tuple[ErrorStatistics, Any]:
     """Return the statistics and the model's memory at the next sample, along the motion.
 
-    `force_std` is the noise [N] of the force, assumed and real.
+    The statistics are the gain covariance P, the joint covariance C of e and psi~, psi, and the mean E[e]. `force_std`
+    is the noise [N] of the force, assumed and real.
     """
     import casadi as ca
 
@@ -266,6 +271,7 @@ def _process_slopes(
     """Return the derivatives of a step at a state (nx + k,) and force, for slopes psi (nx, k) and E[e e^T] (nx, nx)."""
     import casadi as ca
 
+    # Symbols of the state, the parameters, the force, psi and E[e e^T], for which the values are put in at the end.
     nx, k = psi.shape
     x, t, u = ca.SX.sym("x", nx), ca.SX.sym("t", k), ca.SX.sym("u")
     slopes, covariance = ca.SX.sym("s", nx, k), ca.SX.sym("E", nx, nx)

@@ -21,7 +21,8 @@ def advance_memory(
 ) -> list[Any]:
     """Return the model's internal states one interval [s] later, on the way from one (depth, rate) to another.
 
-    The midpoint rule: second order in the interval, and one expression for floats and CasADi symbols.
+    The midpoint rule, by the rates of the memory halfway: second order in the interval, and one expression for floats
+    and CasADi symbols. `theta` are the model's parameters.
     """
     if not model.memory:
         return []
@@ -198,7 +199,7 @@ class KinematicProcess:
         return force + state[self.layout.at("bias")] if self.biased else force
 
     def predict(self, state: Sequence[Any], interval: Any, exp: Any) -> list[Any]:
-        """Return the state one interval [s] later."""
+        """Return the state one interval [s] later; `exp` is that of floats or symbols, for the chart of logarithms."""
         # The motion at constant acceleration, then the levels that have a drift.
         at, after = self.layout.at, list(state)
         velocity, acceleration = state[at("velocity")], state[at("acceleration")]

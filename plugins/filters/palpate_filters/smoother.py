@@ -63,7 +63,10 @@ class _SmoothingTracker:
     """Forwards with the filter, backwards with the smoother, and again."""
 
     def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
-        """Compile the filter, the step backwards, and the filter that is linearised at smoothed states."""
+        """Compile the filter, the step backwards, and the filter that is linearised at smoothed states.
+
+        `problem` has the model and the tip's mass.
+        """
         self._settings = settings
         first = kinematic_recursion(settings, problem, with_state=True)
         process = kinematic_process(settings, problem)

@@ -28,7 +28,7 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
     False discoveries are controlled. Background and bodies are then fitted together; what they leave may be further
     lumps, and a lump that the others and the background explain is dropped. A stiff part of the area that few bodies
     do not explain is a lump by its sites alone. Lumps are excluded at `places` of the area, by default between the
-    sites. All spreads and levels are those of the logarithm of the stiffness.
+    sites. Spreads are those of the logarithm of the stiffness.
     """
     # Groups of stiff sites, each one to be fitted by bodies, or wide: a stiff part of the area.
     coarse = merge_sites(sites, settings.width)
@@ -56,10 +56,10 @@ def lumps_of_area(sites: Sites, settings: LumpSettings, places: Places | None = 
         area.field, direction=site_directions(sites), baseline=baseline, lumps=lumps, settings=settings, area=places
     )
     return Findings(
-        tuple(lumps),
-        float(np.exp(baseline.mean)),
-        baseline.spread,
-        f"prediction interval of {baseline.count} baseline sites",
+        lumps=tuple(lumps),
+        background=float(np.exp(baseline.mean)),
+        spread=baseline.spread,
+        method=f"prediction interval of {baseline.count} baseline sites",
         power=next((power for power in excluded if power.width == WIDTH), None),
         excluded=excluded,
         fit=fit,

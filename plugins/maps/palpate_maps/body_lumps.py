@@ -33,8 +33,8 @@ def body_lump(fit: BodyFit, members: Sequence[int], points: Floats, contact_radi
     middle, extent, axes = _shape(bodies, highest, contrast)
     is_on_lump = _contrast(bodies, points) >= _HALF_HEIGHT * contrast if len(points) else np.zeros(0, bool)
     return Lump(
-        (float(middle[0]), float(middle[1])),
-        extent,
+        place=(float(middle[0]), float(middle[1])),
+        extent=extent,
         contrast=contrast,
         contrast_std=fit.std_of(slopes),
         p=absence_p(fit, members),

@@ -172,7 +172,10 @@ def length_unit(extent: float) -> tuple[str, float]:
 
 @style()
 def cells_picture(cells: CurveCells, unit: str) -> Any:
-    """Draw value and relative uncertainty side by side, a cell for each curve; a cross is one without a value."""
+    """Draw value and relative uncertainty side by side, a cell for each curve; a cross is one without a value.
+
+    `unit` is the SI unit of the value.
+    """
     figure, axes = figure_of(2, height=_PANEL_HEIGHT)
     length, per_metre = length_unit(max(cells.extent))
     edges = _outer_edges(cells, per_metre)

@@ -34,7 +34,7 @@ class FieldGain:
     def of(cls, known: Knowledge, rows: NDArray[np.intp], weight: Floats) -> FieldGain:
         """Return the gain of palpations at some of the field's nodes (m,), with a weight for each of all nodes."""
         field = known.field
-        # The places of the largest weights, evenly thinned to a quarter so that they are spread over the area.
+        # The places of the largest weights, evenly thinned in the order of these.
         summed = np.argsort(-weight, kind="stable")[: 4 * _MAX_SUMMED]
         summed = np.sort(summed[:: max(len(summed) // _MAX_SUMMED, 1)])
         relative_weight = weight[summed] / field.std[summed] ** 2

@@ -138,9 +138,9 @@ def hidden_patches(
     weighted = np.flatnonzero(weights).tolist()
     odds = sum(weights[t] * covariances[t].odds(rise) for t in weighted)
     return Hiding(
-        middles,
-        expected * np.asarray(odds),
-        patch.radius,
+        middles=middles,
+        expected=expected * np.asarray(odds),
+        reach=patch.radius,
         scatter=float(np.sqrt(weights @ np.square([noise for noise, _, _ in sizes]))),
         sizes=tuple(sizes[t] for t in weighted),
         weighed_on=weighed_on,

@@ -109,8 +109,8 @@ def lump_of_peak(curve: LineCurve, peak: Peak, settings: LumpSettings, p: float)
     place_std = curve.direction * float(np.sqrt(place_variance))
     contrast, width_std = float(np.expm1(peak.height)), float(np.sqrt(width_variance))
     return Lump(
-        curve.place(peak.middle),
-        (peak.extent, 0.0),
+        place=curve.place(peak.middle),
+        extent=(peak.extent, 0.0),  # along the sweep; across it nothing is known
         contrast=contrast,
         contrast_std=(1 + contrast) * peak.std,
         p=p,

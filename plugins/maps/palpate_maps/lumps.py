@@ -17,9 +17,9 @@ from palpate_maps.sites import Sites, line_coordinate
 def find_lumps(sites: Sites, settings: LumpSettings | None = None, places: Places | None = None) -> Findings:
     """Return the lumps along a sweep where the sites lie on a line, else on the area that they cover.
 
-    Sites at all of which the tip stood still are an area even on a line: they have no way along which a filter is late.
-    Of an area, the lumps that its sites exclude are computed at `places`, by default those between the sites. Raises
-    LogError for too few sites.
+    `settings` are the criteria of a lump. Sites at all of which the tip stood still are an area even on a line: they
+    have no way along which a filter is late. Of an area, the lumps that its sites exclude are computed at `places`, by
+    default those between the sites. Raises LogError for too few sites.
     """
     settings = settings or LumpSettings()
     # What the relief of the surface makes of the stiffness between sites counts as a difference between them.

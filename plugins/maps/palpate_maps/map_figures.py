@@ -44,7 +44,7 @@ def map_picture(
     """
     excluded = exclusion_table(findings) if findings is not None else []
     figure, axes = figure_of(3 if excluded else 2, height=_AREA_HEIGHT)
-    name, factor = display_unit(unit)
+    name, factor = display_unit(unit)  # the unit that is shown, and its number per SI unit
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]  # [mm]
     panels = [
         (field.value * factor, f"{label} [{name}]", "viridis"),

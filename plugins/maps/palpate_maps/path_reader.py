@@ -203,8 +203,8 @@ def _path(part: RunFolder, table: TrackTable, track: str, parameter: str | None)
         place[rows] = skin_places(skin, place[rows], table.position[rows])
     nis = table.others["nis"][rows]
     return Path2D(
-        track,
-        parameter,
+        track=track,
+        parameter=parameter,
         time=table.time[rows],
         place=place[rows],
         value=value[rows],

@@ -119,6 +119,7 @@ class _AllowedPlaces:
 
     def __call__(self, places: Floats) -> NDArray[np.bool_]:
         """Return True (n,) for the places (n, 2) [m] that may be visited."""
+        # Inside the box of the area.
         x, y = places.T
         x0, x1, y0, y1 = self.box
         inside = _between(x, x0, x1) & _between(y, y0, y1)

@@ -97,8 +97,8 @@ def lump_of_sites(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: 
     # A uniform body of width w has the variance w^2/12.
     extent = np.sqrt(12 * (weight @ (place - middle) ** 2) / weight.sum())
     return Lump(
-        (float(middle[0]), float(middle[1])),
-        (float(extent[0]), float(extent[1])),
+        place=(float(middle[0]), float(middle[1])),
+        extent=(float(extent[0]), float(extent[1])),
         contrast=float(np.expm1(height[peak])),
         contrast_std=float(np.exp(height[peak]) * np.hypot(baseline.spread, sites.std[peak])),
         p=float(p[group].min()),

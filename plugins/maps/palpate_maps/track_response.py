@@ -115,6 +115,7 @@ def _fitted(samples: Samples, middles: Floats, difference: Floats) -> TrackRespo
     """Return height, lag and blur of the least squares of differences (n,) of a track's logarithms near middles."""
     from scipy.optimize import least_squares
 
+    # Evenly thinned samples, the way of the tip there, and their offsets [m] from the nearest virtual lump.
     rows = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), _MAX_POINTS)).astype(int))
     direction = travel_directions(samples.time, samples.lateral)[rows]
     nearest = np.argmin(distances(samples.lateral[rows], middles), axis=1)

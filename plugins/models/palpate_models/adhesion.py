@@ -92,7 +92,7 @@ class JohnsonKendallRoberts(_AdhesiveSphere):
         first = (1 / 16 + square_root) ** (1 / 3)
         second = D / (3.0 * first)
         m = 0.125 / (first * first + D / 3.0 + second * second)
-        # The larger root of the quartic by Ferrari.
+        # The larger root of the quartic by Ferrari, s = sqrt(m/2) + sqrt(1/(2 sqrt(2 m)) - m/2).
         radicand = 1.0 / (2.0 * (2.0 * m) ** 0.5) - m / 2.0
         s = (m / 2.0) ** 0.5 + select(radicand, 0.0, select(radicand, 0.0, radicand, 1.0) ** 0.5, 0.0)
         return (unit ** (1 / 3) * s) ** 2

@@ -27,8 +27,7 @@ def ball_alternative(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
 def _condition(track: TrackEvidence) -> Condition | None:
     """Return the condition of a track with the shares of its elastic values; None where a ball makes no difference.
 
-    It makes one where the tip is declared as a paraboloid and the last samples of the record are deeper than a share of
-    its radius.
+    It makes one where the tip is a paraboloid, and deeper than a share of its radius in the samples of the result.
     """
     tip, end = getattr(track.model, "indenter", None), track.ending
     if not isinstance(tip, Sphere) or end is None or end.is_simulated:

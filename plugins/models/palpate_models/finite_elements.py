@@ -106,7 +106,7 @@ class SoftCylinder:
         """
         distance = step = depth - self._states[-1][0]
         while True:
-            reached = self._states[-1][0]
+            reached = self._states[-1][0]  # [m]; a state is a depth and all unknowns there
             # A remainder that is hardly longer than a step is taken in one.
             target = depth if reached + _LAST_STEP * step >= depth else reached + step
             equilibrium = self._equilibrium(tip, target, self._extrapolated(target), until)
@@ -136,6 +136,7 @@ class SoftCylinder:
             if time.monotonic() > until:
                 raise NoEquilibriumError(f"the time limit was reached on the way to a depth of {1e3 * depth:.3g} mm")
             change = self._solve(self._tangent(x, tip, depth), -residual, np.zeros(len(x)))
+            # Of the unknowns the displacements come first, then the pressures.
             length = float(np.max(np.abs(change[: self._moves.N])))
             if not math.isfinite(length):
                 return None

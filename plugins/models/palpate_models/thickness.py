@@ -120,6 +120,7 @@ class Thickness(Settings):
 
     def check(self, indenter: Indenter, poisson: float) -> None:
         """Raise ValueError where the correction is not known for a tip or a Poisson's ratio."""
+        # All corrections are of incompressible material, with a Poisson's ratio of 0.5.
         if self.table is not None:
             read_table(self.table).refuse(indenter)
             if poisson != 0.5:

@@ -203,6 +203,7 @@ def _profile(indenter: Indenter, depth: float, sticking: bool) -> TipProfile:
         return rounded_flat(indenter.radius, depth, sticking)[0]
     radii, heights = tip_profile(indenter, _PROFILE_DEPTHS * depth, _PROFILE_POINTS)
     shape = CubicSpline(radii, heights)
+    # Radius, height and slope at the end of the known profile.
     last, top, rise = float(radii[-1]), float(heights[-1]), float(shape(radii[-1], 1))
     reach = _REACH * float(np.real(indenter.contact_radius(depth)))
 

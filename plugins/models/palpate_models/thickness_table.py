@@ -66,7 +66,7 @@ def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
 
 @cache
 def read_table(path: Path) -> ThicknessTable:
-    """Return the table in a file; raises ValueError, which names the file, for anything else."""
+    """Return the table of depths [m] and factors in a CSV file; raises ValueError, which names the file, else."""
     try:
         lines = bounded_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:

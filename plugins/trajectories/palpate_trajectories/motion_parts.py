@@ -47,7 +47,7 @@ class PlannedMotion:
     wave_start: float = 0.0
 
     def at(self, time: Floats) -> Setpoint:
-        """Return setpoints at times (n,) [s]."""
+        """Return setpoints at times (n,) [s], from place, depth and surface and their rates in time."""
         t = np.asarray(time, float)
         x, x_rate = self.x.at(t)
         y, y_rate = self.y.at(t)

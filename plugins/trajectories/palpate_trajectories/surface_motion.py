@@ -44,7 +44,7 @@ class SurfaceMotion:
     wave_start: float
 
     def at(self, time: Floats) -> Setpoint:
-        """Return setpoints at times (n,) [s]."""
+        """Return setpoints at times (n,) [s]: a depth below feet on the surface, along its normals (n, 3)."""
         t = np.asarray(time, float)
         foot, foot_rate, normal, normal_rate = self.footway.at(t)
         depth, rate = self.depth.at(t)

@@ -47,7 +47,8 @@ def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple
         values[register] = f"v{len(lines)}"
         lines.append(f"    const double v{len(lines)} = {expression};")
 
-    # One statement for each instruction; constants and outputs stand in those of others.
+    # One statement for each instruction, by CasADi's name of its operation; constants and outputs stand in those of
+    # others.
     names = operations()
     for k in range(function.n_instructions()):
         operation = names[function.instruction_id(k)]

@@ -44,7 +44,7 @@ def export_filter(
             f"{file}: [device.{live[0]}] is live, and test vectors come from a record: give the run folder of a run"
         )
     filter = export_track(track, chosen.estimator, _problem(pipeline, chosen))
-    _refuse(pipeline, track)
+    _refuse_alignment(pipeline, track)
     vectors = make_vectors(pipeline, chosen)
     folder = make_folder("filter", out, datetime.now(UTC).astimezone())
     _write_files(folder, filter, pipeline, vectors, file, track)
@@ -85,7 +85,7 @@ def _problem(pipeline: Pipeline, track: Track) -> Problem:
     )
 
 
-def _refuse(pipeline: Pipeline, track: str) -> None:
+def _refuse_alignment(pipeline: Pipeline, track: str) -> None:
     """Raise ConfigurationError for an alignment that exported C does not have."""
     if pipeline.alignment.is_oriented:
         stated = pipeline.alignment.model_fields_set

@@ -53,6 +53,7 @@ def show_cells(cells: CurveCells, run: Path, folder: Path, ending: str, as_json:
     map_files.replace_file(folder / f"{name}.csv", table)
     map_files.replace_file(folder / f"{name}.npz", cells_npz(cells))
     save_figure(cells_picture(cells, unit), folder / f"{name}.{ending}")
+    # As JSON: the corners of the grid [m], and the counts.
     if as_json:
         ends = {"low": [cells.x[0], cells.y[0]], "high": [cells.x[-1], cells.y[-1]]}
         facts = {"parameter": cells.parameter, "unit": unit, "curves": len(cells.rows), "without": cells.failures}

@@ -165,7 +165,7 @@ def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, u
     from palpate_engine import display_unit
     from rich.table import Table
 
-    unit_name, factor = display_unit(unit)
+    unit_name, factor = display_unit(unit)  # the unit that is shown, and its number per SI unit
     table = Table(title="along the sweep", title_justify="left")
     table.add_column("track")
     table.add_column("lumps: place (contrast)")

@@ -78,7 +78,7 @@ def _view(findings: Findings, table: Table, source: str, unit: str) -> str:
     """Return the lumps as a table of the terminal, with the background above and the test's power below."""
     from palpate_engine import display_unit
 
-    name, factor = display_unit(unit)
+    name, factor = display_unit(unit)  # the unit that is shown, and its number per SI unit
     lines = [f"{source}: background {findings.background * factor:.4g} {name}, by {findings.method}"]
     if table.rows:
         for row in (table.headings, *table.rows):

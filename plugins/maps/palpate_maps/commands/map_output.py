@@ -203,6 +203,7 @@ def write_map_on_surface(output: MapOutput, surface: Surface, cell_size: float) 
     if surface_map.warning:
         typer.echo(f"warning: {surface_map.warning}", err=True)
 
+    # The text, and the facts for JSON: all lengths in m, `reach` the one within which straight distances hold.
     vertices = surface_map.map.vertices
     size = f"{len(vertices)} vertices, {len(sites)} sites, {path.source}"
     interpolated = _interpolation_text(surface_map.length, surface_map.blind_below)

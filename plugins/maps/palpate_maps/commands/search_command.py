@@ -46,7 +46,7 @@ def search(
         typer.Option(help='Area to search: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'),
     ] = None,
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and continue until a stop rule is met.")] = False,
-    # A choice: a search of a few rounds.
+    # A choice: how long the rig moves before a person is asked again.
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
     # A choice: of 1000 places without a lump one would look certain.
     sure: Annotated[
@@ -238,6 +238,7 @@ def _tell_hiding(state: AreaSearch, run: Path, findings: Findings | None) -> Non
     from palpate_maps.hidden_patches import EXPECTED
     from palpate_maps.map_figures import hiding_picture
 
+    # The expected number of patches by place, the least patch that counts, and the folder of the run's maps.
     hiding, patch, folder = state.hiding, state.settings.patch, RunFolder(run).maps
     assert hiding is not None
     map_files.replace_file(folder / "hidden.csv", map_files.hiding_csv(hiding))

@@ -37,7 +37,7 @@ def draw_height(trajectory: Trajectory, end: float) -> Iterator[str]:
 
 def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield the facts of a motion [SI], each with its limit where the pipeline has one."""
-    limits = pipeline.safety
+    limits = pipeline.safety  # of [safety]; a force that needs an unknown parameter is None
     yield f"duration      {facts['duration']:.2f} s, of which {facts['measured']:.2f} s are measured"
     speed = f" (limit {_MM * limits.speed:g})" if limits else ""
     yield f"speed         at most {_MM * facts['speed']:.3g} mm/s{speed}"
