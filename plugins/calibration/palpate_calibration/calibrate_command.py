@@ -93,7 +93,7 @@ def calibrate(
     _refuse_target(target, force)
     # Each step is kept in a part file, until the whole is written with the command that made it.
     part = target.with_suffix(".part.toml")
-    calibration, session, records = run_calibration(plan, _guide(part, yes))
+    calibration, findings, records = run_calibration(plan, _guide(part, yes))
     options = [word for assignment in overrides or () for word in ("--set", assignment)]
     command = shlex.join(["palpate", "calibrate", str(file), *options])
     write_rig(target, calibration.model_copy(update={"command": command}).tables())
@@ -102,10 +102,10 @@ def calibrate(
         _print_calibration(calibration, target, file, with_table=not as_json)
     if as_json:
         print_json({"file": target, **calibration.model_dump(mode="json")})
-    if picture is not None and session.shakes:
+    if picture is not None and findings.shakes:
         from palpate_calibration.shake_figure import draw
 
-        draw(records[0], session, plan.settings.settle, picture)
+        draw(records[0], findings, plan.settings.settle, picture)
 
 
 def _print_calibration(calibration: Calibration, target: Path, file: Path, with_table: bool) -> None:
@@ -128,8 +128,8 @@ def _guide(part: Path, yes: bool) -> Guide:
     def say(text: str) -> None:
         errors.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def show(step: str, session: StepFindings) -> None:
-        for line in _value_lines(session):
+    def show(step: str, findings: StepFindings) -> None:
+        for line in _value_lines(findings):
             say(line)
 
     def keep(calibration: Calibration) -> None:
@@ -162,13 +162,13 @@ def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
     return ask
 
 
-def _value_lines(session: StepFindings) -> Iterator[str]:
+def _value_lines(findings: StepFindings) -> Iterator[str]:
     """Yield the results of a step, a line for each value."""
-    for name, value in session.values.items():
+    for name, value in findings.values.items():
         unit, scale = _DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
         text = value_with_uncertainty(value.value * scale, value.combined * scale)
         yield f"  {name}: {text} {unit}  ({_MEANINGS.get(name, '')})"
-    for note in session.notes:
+    for note in findings.notes:
         yield f"  {note}"
 
 

@@ -50,7 +50,7 @@ class Guide:
 
     say: Callable[[str], None] = _silent
     ask: Callable[[str], None] = _silent  # returns once the person has done it
-    show: Callable[[str, StepFindings], None] = lambda step, session: None  # the results of a step
+    show: Callable[[str, StepFindings], None] = lambda step, findings: None  # the results of a step
     keep: Callable[[Calibration], None] = lambda calibration: None  # the calibration by the steps so far
 
 
@@ -68,36 +68,39 @@ def run_calibration(
     if not steps:
         records = _unguided_records(plan, guide, facts)
         guide.say("evaluating")
-        session = calibrate(records, plan.settings)
-        return _calibration(plan, session, facts), session, records
+        findings = calibrate(records, plan.settings)
+        return _calibration(plan, findings, facts), findings, records
     reaches = {name: _reach(plan, name, step) for name, step in steps.items()}
-    sessions: dict[str, StepFindings] = {}
+    findings_by_step: dict[str, StepFindings] = {}
     shake_records: list[CalibrationRecord] = []
     for number, (name, step) in enumerate(steps.items(), 1):
         guide.say(f"step {number} of {len(steps)}, {name}: {STEPS[name]}")
         if (reach := reaches[name]) is not None:
             guide.say(f"  {reach_text(reach, plan.settings)}")
         if isinstance(step, Orientations):
-            session = _weigh(plan, step, guide)
+            findings = _weigh(plan, step, guide)
         else:
             records = _step_records(plan, name, step, number, guide, facts)
-            session = evaluate_step(name, records, plan.settings)
+            findings = evaluate_step(name, records, plan.settings)
             shake_records = records if name == "shake" else shake_records
-        guide.show(name, session)
-        sessions[name] = session
-        guide.keep(_calibration(plan, _join(plan, sessions), facts))
-    session = _join(plan, sessions)
-    return _calibration(plan, session, facts), session, shake_records
+        guide.show(name, findings)
+        findings_by_step[name] = findings
+        guide.keep(_calibration(plan, _join(plan, findings_by_step), facts))
+    findings = _join(plan, findings_by_step)
+    return _calibration(plan, findings, facts), findings, shake_records
 
 
-def _join(plan: CalibrationPlan, sessions: Mapping[str, StepFindings]) -> StepFindings:
+def _join(plan: CalibrationPlan, findings_by_step: Mapping[str, StepFindings]) -> StepFindings:
     # A slow motion shows the noise of the velocity better than a fast one.
-    ordered = sorted(sessions, key=lambda name: name == "shake" and "noise" in sessions)
-    return join_steps([sessions[name] for name in ordered], plan.settings)
+    ordered = sorted(findings_by_step, key=lambda name: name == "shake" and "noise" in findings_by_step)
+    return join_steps([findings_by_step[name] for name in ordered], plan.settings)
 
 
 def _unguided_records(plan: CalibrationPlan, guide: Guide, facts: DeviceFacts) -> list[CalibrationRecord]:
-    """Return the records of standstill, shake and standstill as one motion, or of the log."""
+    """Return the records of standstill, shake and standstill as one motion, or of the log.
+
+    `plan` has the devices, the motions and the settings of the calibration.
+    """
     if not moves(plan):
         guide.say("reading the log")
         return [record(plan)]
@@ -221,15 +224,15 @@ def _mounting(plan: CalibrationPlan, step: Orientations, repeats: Sequence[Seque
     return find_mounting(tools, np.array(gravity) / np.linalg.norm(gravity), step.angle_std, signal.sign, nominal)
 
 
-def _shake(session: StepFindings) -> dict[str, Any]:
-    if not session.shakes:
+def _shake(findings: StepFindings) -> dict[str, Any]:
+    if not findings.shakes:
         return {}
-    first = session.shakes[0]
+    first = findings.shakes[0]
     return {
         "frequencies": list(first.frequencies),
         "amplitudes": list(first.amplitudes),
-        "residual": session.residual,
-        "count": len(session.shakes),
+        "residual": findings.residual,
+        "count": len(findings.shakes),
     }
 
 
@@ -243,7 +246,7 @@ def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
     }
 
 
-def _calibration(plan: CalibrationPlan, session: StepFindings, facts: DeviceFacts) -> Calibration:
+def _calibration(plan: CalibrationPlan, findings: StepFindings, facts: DeviceFacts) -> Calibration:
     """Return the calibration by the results so far, with the identity of its devices and its tip.
 
     `facts` are what live devices reported of themselves, by name.
@@ -268,13 +271,13 @@ def _calibration(plan: CalibrationPlan, session: StepFindings, facts: DeviceFact
     return Calibration(
         name=plan.run.name,
         created=datetime.now(UTC).replace(microsecond=0),
-        values={name: calibrated_value(measured) for name, measured in session.values.items()},
+        values={name: calibrated_value(measured) for name, measured in findings.values.items()},
         channels=channels,
         devices=devices,
         tip=tip,
-        shake=_shake(session),
-        spectra={role: noise_spectrum(spectrum) for role, spectrum in session.spectra.items()},
+        shake=_shake(findings),
+        spectra={role: noise_spectrum(spectrum) for role, spectrum in findings.spectra.items()},
         logs=_logs(plan),
-        notes=session.notes,
+        notes=findings.notes,
         versions={"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()},
     )

@@ -121,32 +121,38 @@ def _plate_readings(record: CalibrationRecord) -> tuple[Floats, Floats]:
     return force.time[inside], tared[inside]
 
 
-def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
+def join_steps(all_findings: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
     """Return the findings of all steps together: of a value in several the earlier one, and notes on disagreements."""
     values: dict[str, MeasuredValue] = {}
-    for session in sessions:
-        values = session.values | values
+    for step_findings in all_findings:
+        values = step_findings.values | values
     if "mass" not in values and "mass_by_weight" in values:
         values["mass"] = values["mass_by_weight"]
     # The sensor's reading without the tip's weight, where gravity pulls along it.
     if settings.gravity and {"mass", "offset"} <= values.keys():
         values["weight"] = scale_value(values["mass"], GRAVITY, "N")
         values["bias"] = add_values(values["offset"], values["weight"])
-    shakes = tuple(shake for session in sessions for shake in session.shakes)
+    shakes = tuple(shake for step_findings in all_findings for shake in step_findings.shakes)
     return StepFindings(
         values={name: values[name] for name in sorted(values, key=_rank)},
         shakes=shakes,
-        standstills=tuple(standstill for session in sessions for standstill in session.standstills),
-        residual=max((session.residual for session in sessions), default=0.0),
-        notes=(*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
-        spectra={role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
+        standstills=tuple(standstill for step_findings in all_findings for standstill in step_findings.standstills),
+        residual=max((step_findings.residual for step_findings in all_findings), default=0.0),
+        notes=(*dict.fromkeys(_lasting_notes(all_findings, values)), *_disagreements(values)),
+        spectra={
+            role: spectrum
+            for step_findings in reversed(all_findings)
+            for role, spectrum in step_findings.spectra.items()
+        },
     )
 
 
-def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, MeasuredValue]) -> Iterator[str]:
+def _lasting_notes(all_findings: Sequence[StepFindings], values: Mapping[str, MeasuredValue]) -> Iterator[str]:
     """Yield the notes that hold for all steps together: a standstill of any step gives the offset."""
-    for session in sessions:
-        yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-standstill"))
+    for step_findings in all_findings:
+        yield from (
+            note for note in step_findings.notes if "offset" not in values or not note.startswith("no-standstill")
+        )
 
 
 _ORDER = ("mass", "delay", "velocity_delay", "offset", "weight", "bias", "drift", "force_std", "position_std")

@@ -17,12 +17,12 @@ _SPAN = 0.5  # [s] of the shake that is drawn: a choice
 
 
 @style()
-def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
+def draw(record: CalibrationRecord, findings: StepFindings, settle: float, path: Path) -> None:
     """Draw half a second of force in the first shake, -m z'' with and without the delay, and the residual.
 
     `settle` [s] of the shake's beginning are left out.
     """
-    shake, segment = session.shakes[0], shake_segments(record, settle)[0]
+    shake, segment = findings.shakes[0], shake_segments(record, settle)[0]
     middle = (segment.begin + segment.end) / 2
     motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)
     time, force = record.force.between(segment.begin, segment.begin + _SPAN)
@@ -31,9 +31,9 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
     def inertia(delay: float) -> np.ndarray:
         """Return mass times acceleration (n,) [N], by the fitted sines of the height, later by a delay [s]."""
         turns = np.exp(1j * np.outer(time - middle - delay, omega))
-        return np.asarray((turns * (session.values["mass"].value * omega**2 * motion.phasors)).sum(axis=1).real)
+        return np.asarray((turns * (findings.values["mass"].value * omega**2 * motion.phasors)).sum(axis=1).real)
 
-    tau = session.values["delay"].value
+    tau = findings.values["delay"].value
     level = force - shake.offset
     figure, axes = figure_of(1, 2, width=_WIDTH, height=_PANEL_HEIGHT)
     upper, lower = axes[:, 0]  # the forces, and what each inertia leaves of the measured one

@@ -140,8 +140,9 @@ def threshold(k: float, rate: float, blocks: int) -> float:
 def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     """Return lumps as a rise and the fall after it, each an alarm of the cumulative sums over blocks of the sweep.
 
-    Blocks of `width` are taken in the order of time, the last stay before the sweep first. The lump of a rise is the
-    highest peak of the smoothed curve between the two changes, as wide and as high as it is there.
+    `curve` is the logarithm of the stiffness along the sweep. Blocks of `width` are taken in the order of time, the
+    last stay before the sweep first. The lump of a rise is the highest peak of the smoothed curve between the two
+    changes, as wide and as high as it is there.
     """
     half = 0.5 * settings.width  # a change lies anywhere in its block
     candidates = peaks(curve, float(np.log1p(settings.contrast)))

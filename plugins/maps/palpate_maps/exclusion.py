@@ -40,7 +40,8 @@ def excluded_lumps(
 ) -> tuple[LumpPower, ...]:
     """Return the lumps that an exam excludes: for each of some widths the least contrast that it would have found.
 
-    It would have been found with a probability of 0.95, at 95 % of the places of an area.
+    It would have been found with a probability of 0.95, at 95 % of the places of an area. `field` has the logarithms of
+    the sites, `baseline` their mean and spread without lumps.
 
     A virtual lump raises each site by log(1 + c g), g the mean over the site's piece of the way of what the track makes
     of its Gaussian (`TrackResponse.shape`, along directions (m, k) of the way), and is found where a site exceeds the

@@ -74,8 +74,9 @@ def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurv
 def by_prominence(curve: LineCurve, settings: LumpSettings) -> Findings:
     """Return peaks of the smoothed logarithm that stand out from the higher of the valleys next to them.
 
-    The height of a peak over its higher valley (its prominence) is a difference of two means over `width`, both picked
-    from the m that the sweep has room for. p = m(m - 1)/2 x the two-sided normal tail of that difference.
+    `curve` is the logarithm of the stiffness along a sweep, smoothed over the width of a site. The height of a peak
+    over its higher valley (its prominence) is a difference of two means over `width`, both picked from the m that the
+    sweep has room for. p = m(m - 1)/2 x the two-sided normal tail of that difference.
     """
     from scipy import stats
 

@@ -38,7 +38,7 @@ def map_picture(
 ) -> Any:
     """Draw value and relative standard deviation side by side, with sites, lumps, and outlines if they are known.
 
-    `label` and SI `unit` are the parameter's.
+    `field` is the map on its grid, `label` and SI `unit` are the parameter's.
     Next to them are the lumps that the exam excludes.
     A red line surrounds what is significantly stiffer than the baseline.
     """

@@ -18,10 +18,10 @@ _MAX_INTERVALS = 3.0  # median intervals between samples; a longer one ends a li
 def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
     """Return the relative standard deviation of a parameter along the way by the skin's slopes; 0 without any.
 
-    `standing` (n,) is True for the estimates at which the tip stood still.
-    An estimator that gives its sensitivity [s/m] takes the tip's velocity for that of the depth, so that a slope s
-    under a tip that goes v sideways is a velocity s v that nothing explains but another stiffness. Its surface, height
-    and depth together, follows the skin nevertheless, and shows s: the slope between pieces of 4 mm.
+    `path` has the estimates by time [s] and place [m]. `standing` (n,) is True for the estimates at which the tip stood
+    still. An estimator that gives its sensitivity [s/m] takes the tip's velocity for that of the depth, so that a slope
+    s under a tip that goes v sideways is a velocity s v that nothing explains but another stiffness. Its surface,
+    height and depth together, follows the skin nevertheless, and shows s: the slope between pieces of 4 mm.
     """
     if path.surface is None or not path.relief_sensitivity or not (~standing).any():
         return 0.0

@@ -82,7 +82,8 @@ def is_visit(sites: Sites) -> NDArray[np.bool_]:
 def lump_of_sites(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) -> Lump:
     """Return the lump of the sites in a group; neighbours that are raised by half its height belong to it, too.
 
-    Its extents are those of a uniform body with the variance of the weighted places: sqrt(12 variance).
+    `baseline` is the mean and spread of the logarithms without lumps, `p` (n,) the p-value of each site. The extents
+    are those of a uniform body with the variance of the weighted places: sqrt(12 variance).
     """
     height = sites.log - baseline.mean
     peak = int(group[int(np.argmax(height[group]))])

@@ -58,9 +58,10 @@ class Sites:
 def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
     """Return the sites of a path: one for each `spacing` [m] of a sweep, one for each stay at a place.
 
-    A sweep's site is the mean over its piece of the way; a stay's site the mean over its last half second. The standard
-    deviation of neighbouring samples is that of one of them, since a filter's errors are alike over many samples. The
-    first second of a filter's estimates does not count.
+    `path` has the estimates of one track by time [s] and place [m]. A sweep's site is the mean over its piece of the
+    way; a stay's site the mean over its last half second. The standard deviation of neighbouring samples is that of one
+    of them, since a filter's errors are alike over many samples. The first second of a filter's estimates does not
+    count.
     """
     standing: NDArray[np.bool_] = np.asarray(~travel_directions(path.time, path.place).any(axis=1))
     # A new stretch wherever the tip stops, starts or pauses, and in it a site for each piece of the way.
@@ -112,7 +113,10 @@ def _kept_share(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> fl
 
 
 def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], standing: NDArray[np.bool_]) -> Sites:
-    """Return the sites of groups (n,) of estimates, as means of those that count; wider where the NIS is above 1."""
+    """Return the sites of groups (n,) of a path's estimates, as means of those that count.
+
+    Their deviations are wider where the filter's normalised innovation squared (NIS) is above 1.
+    """
     weight = counted.astype(float)
     total = np.bincount(groups, weight)
     has_estimates = total > 0
