@@ -84,7 +84,8 @@ class AppliedCalibration:
         The offset has the weight of one posture in it, and does not hold for a tool that turns.
         """
         changes = dict[str, Any]()
-        mounting, bias = ([self.values.get(f"{name}_{axis}") for axis in "xyz"] for name in ("mounting", "bias"))
+        mounting = [self.values.get(f"mounting_{axis}") for axis in "xyz"]
+        bias = [self.values.get(f"bias_{axis}") for axis in "xyz"]
         if all(mounting) and "mounting" not in settings.model_fields_set:
             changes["mounting"] = tuple(value.value for value in mounting if value)
             changes["mounting_uncertainty"] = max(value.std for value in mounting if value)
@@ -163,9 +164,9 @@ class AppliedCalibration:
         yield from self._device_flags(pipeline.stated, devices)
         yield from self._tip_flags(pipeline)
         yield from self._conflict_flags(pipeline.stated)
-        yield from (
-            Flag("payload", f"{name} {text}") for name, facts in live.items() for text in self._payload_problems(facts)
-        )
+        for name, facts in live.items():
+            for text in self._payload_problems(facts):
+                yield Flag("payload", f"{name} {text}")
         if pipeline.stated.tare == "calibrated" and live:
             doubt = self.offset_doubt(pipeline, live)
             if doubt is not None and doubt.code != "calibration-old":

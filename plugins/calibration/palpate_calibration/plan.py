@@ -53,12 +53,12 @@ def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
     refuse_rehearsal(pipeline)
     settings = pipeline.tables.get("calibration", CalibrationSettings())
     assert isinstance(settings, CalibrationSettings)
-    mistakes = [
-        f"{path}: [calibration] {name}.device: {mistake.problem}"
-        for name, step in settings.steps.items()
-        if step.device
-        for mistake in wrong_channels(pipeline.alignment, step.device)
-    ]
+    # Channels that a step's own devices do not have.
+    mistakes = []
+    for name, step in settings.steps.items():
+        if step.device:
+            for mistake in wrong_channels(pipeline.alignment, step.device):
+                mistakes.append(f"{path}: [calibration] {name}.device: {mistake.problem}")
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return CalibrationPlan(

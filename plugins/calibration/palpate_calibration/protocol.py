@@ -133,17 +133,17 @@ def join_steps(all_findings: Sequence[StepFindings], settings: CalibrationSettin
         values["weight"] = scale_value(values["mass"], GRAVITY, "N")
         values["bias"] = add_values(values["offset"], values["weight"])
     shakes = tuple(shake for step_findings in all_findings for shake in step_findings.shakes)
+    # Of a role that several steps have the noise of, too, the earlier one counts.
+    spectra: dict[str, OctaveNoise] = {}
+    for step_findings in reversed(all_findings):
+        spectra |= step_findings.spectra
     return StepFindings(
         values={name: values[name] for name in sorted(values, key=_rank)},
         shakes=shakes,
         standstills=tuple(standstill for step_findings in all_findings for standstill in step_findings.standstills),
         residual=max((step_findings.residual for step_findings in all_findings), default=0.0),
         notes=(*dict.fromkeys(_lasting_notes(all_findings, values)), *_disagreements(values)),
-        spectra={
-            role: spectrum
-            for step_findings in reversed(all_findings)
-            for role, spectrum in step_findings.spectra.items()
-        },
+        spectra=spectra,
     )
 
 
@@ -236,7 +236,10 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
     count = sum(shake.planned.count for shake in shakes)
     if count:
         # Of a shake that hesitations break up nothing is left out.
-        share = np.mean([0.0 if shake.planned.breaks_up else shake.planned.share for shake in shakes])
+        shares = []
+        for shake in shakes:
+            shares.append(0.0 if shake.planned.breaks_up else shake.planned.share)
+        share = np.mean(shares)
         yield f"hesitated: {hesitation_note(count)}; {share:.0%} of the shakes is left out for it"
     noise = max((stretch.force_std.value for stretch in stretches), default=math.inf)
     residual = max(shake.residual for shake in shakes)

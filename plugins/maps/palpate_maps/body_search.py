@@ -79,18 +79,19 @@ def _prune(fit: BodyFit, counts: list[int]) -> tuple[BodyFit, list[int]]:
     `counts` are the bodies of each group, in the order of the fit's. A body may explain what the first fit of another
     group had left, until that group has bodies of its own.
     """
-    group = np.repeat(np.arange(len(counts)), counts).tolist()  # of each body
+    group_of_body = np.repeat(np.arange(len(counts)), counts).tolist()  # of each body
     weakest_first = np.argsort([body.contrast for body in fit.bodies], kind="stable").tolist()
-    remaining = list(range(len(group)))
+    remaining = list(range(len(group_of_body)))
     for k in weakest_first:
-        if sum(group[other] == group[k] for other in remaining) == 1:
+        if sum(group_of_body[other] == group_of_body[k] for other in remaining) == 1:
             continue
         row = remaining.index(k)
         fewer = _without(fit, [row])
         if fewer.deviance - fit.deviance < _evidence_needed(fit.bodies[row], len(fit.residual)):
             fit = fewer
             remaining.remove(k)
-    return fit, [sum(group[k] == number for k in remaining) for number in range(len(counts))]
+    remaining_groups = [group_of_body[k] for k in remaining]
+    return fit, [remaining_groups.count(number) for number in range(len(counts))]
 
 
 def _without(fit: BodyFit, members: Sequence[int]) -> BodyFit:

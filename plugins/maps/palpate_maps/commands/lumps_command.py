@@ -103,14 +103,18 @@ def exclusion_lines(findings: Findings) -> list[str]:
         return ["nothing is excluded: more than 5 % of the places are too far from every site"]
     where = findings.excluded_where
     lines = [f"excluded with a probability of {findings.excluded[0].probability:g}, {where}, besides these:"]
-    contrasts = [f"{100 * power.contrast:.2g}" if math.isfinite(power.contrast) else "-" for power in findings.excluded]
+    contrasts = []
+    for power in findings.excluded:
+        contrasts.append(f"{100 * power.contrast:.2g}" if math.isfinite(power.contrast) else "-")
     rows = {
         "width mm": [f"{1e3 * power.width:.0f}" for power in findings.excluded],
         "stiffer by % or more": contrasts,
     }
     if findings.response is None:
         lines.insert(1, "(if the track shows lumps as they are: the run has no log to try it on)")
-    return [*lines, *(f"  {name:<20}" + "".join(f"{cell:>8}" for cell in cells) for name, cells in rows.items())]
+    for name, cells in rows.items():
+        lines.append(f"  {name:<20}" + "".join(f"{cell:>8}" for cell in cells))
+    return lines
 
 
 def compare(
