@@ -60,8 +60,7 @@ def run_calibration(
     """Move and record as often as the plan states, and evaluate; the records are those of the shake.
 
     `guide` shows a person what is done, and keeps the results after each step. Raises ConfigurationError where a motion
-    breaks a limit, before anything moves; LogError where a record cannot be
-    used; DeviceError where a device fails.
+    breaks a limit, before anything moves; LogError where a record cannot be used; DeviceError where a device fails.
     """
     guide, facts = guide or Guide(), DeviceFacts()
     steps = plan.settings.steps

@@ -217,9 +217,9 @@ def _values(
         values["velocity_delay"] = MeasuredValue.of(lags, "s")
     if standstills:
         values |= standstill_values(standstills, type_b.offset)
-    paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
-    if paper:
-        values["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
+    paper_stds = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
+    if paper_stds:
+        values["paper_velocity_std"] = MeasuredValue.of(paper_stds, "m/s")
     return values
 
 

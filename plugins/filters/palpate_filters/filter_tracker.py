@@ -233,7 +233,7 @@ class RecursiveTracker:
             return
         # The sample that completes the window is the first with an estimate.
         state, last_row = start
-        first = last_row - held_count
+        first = last_row - held_count  # its row in `part`
         first_rows = slice(rows.start + first, rows.start + first + 1)
         outputs = self._run_waiting(state, last_row + 1, settings)
         self._waiting = []

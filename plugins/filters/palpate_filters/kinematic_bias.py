@@ -35,7 +35,7 @@ def kinematic_bias(
     stationary = outputs[int(transient * len(inputs)) :]
     if not np.isfinite(stationary).all():
         return None
-    q = len(values) + 1
+    q = len(values) + 1  # the parameters and the surface
     information = stationary[:, layout["information"]].sum(axis=0).reshape(q, q)
     return pull_on_estimates(information, stationary[:, layout["pull"]].sum(axis=0))
 

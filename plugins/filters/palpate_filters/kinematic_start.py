@@ -111,7 +111,8 @@ def _put_bias_covariance(
 def _fitted_covariance(settings: KinematicSettings, process: KinematicProcess, fit: StartFit, before: Floats) -> Floats:
     """Return the covariance (n, n) after a fit: with a bias by the fit's full covariance, else of each number alone.
 
-    `before` (n, n) is that of the guess.
+    `before` (n, n) is that of the guess, which no number exceeds. Deviations of the fit are `FIT_SPREAD` times as large
+    for the filter, which sees the fitted samples again.
     """
     chart, surface = process.chart, process.layout.at("surface")
     if not process.biased:

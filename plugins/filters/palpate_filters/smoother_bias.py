@@ -99,13 +99,14 @@ def _mean_pull(
         D' = (R_z'/R_z^2 + w^2 R_v'/R_v^2 + |h_m|^2 R'/R^2) / T   and its variance under the real noise
     """
     w = np.linspace(0.0, np.pi / interval, _FREQUENCIES)[1:, None]  # [rad/s] up to Nyquist's frequency
-    power = _motion_power(slopes, mass, w)
+    power = _motion_power(slopes, mass, w)  # |h_m|^2
     D = (1 / assumed.position + w**2 / assumed.velocity + power / assumed.force) / interval
     D_real = real.position / assumed.position**2 + w**2 * real.velocity / assumed.velocity**2
     D_real = (D_real + power * real.force / assumed.force**2) / interval
     A = w**6 / jerk_density + D
 
     # The integral over both signs of w is twice that over the positive ones: dw/2pi becomes dw/pi.
+    # The cross power is Re(psi_m h_m^*).
     integrand = _cross_power(slopes, mass, w) * (real.force / assumed.force / A - D_real / A**2)
     frequency_step = float(w[1, 0] - w[0, 0])
     return np.asarray(np.sum(integrand, axis=0) * frequency_step / np.pi / assumed.force)

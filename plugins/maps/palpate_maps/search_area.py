@@ -82,6 +82,7 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
         """Return places (n, 3) [m] on the skin below places (n, 2) [m]."""
         if surface is not None:
             return surface_points(surface, place).position
+        # Without a surface, the nominal height at the first place counts.
         return np.column_stack([place, motion.surface.at(*known[:1].T)[0]])
 
     # The nodes of a grid over the box that may be visited.

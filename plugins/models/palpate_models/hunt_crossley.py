@@ -32,6 +32,7 @@ def _material(
     tip_exponent = float(indenter.contact_radius(_REFERENCE_DEPTH)) * _REFERENCE_DEPTH / area
     if abs(tip_exponent - exponent) > _EXPONENT_TOLERANCE:
         return ()
+    # The modulus is proportional to K_c alone.
     slope = (1.0 - poisson**2) / (2.0 * area)
     gradient = (slope, *(0.0 for _ in theta[1:]))
     caveat = (

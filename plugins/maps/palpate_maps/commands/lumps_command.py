@@ -136,7 +136,7 @@ def compare(
     # Of a prediction each place is one value, of Welch's test each repeat.
     groups = []
     for runs in (baseline, suspect):
-        sites = sites_of(drop_rejected(runs), track, parameter)
+        sites = sites_of(drop_rejected(runs), track, parameter)  # place and value of each palpation
         groups.append(by_place(sites) if test == "prediction" else np.array([value for _, value in sites]))
     baseline_values, suspect_values = groups
     min_baselines, min_suspects = _MIN_GROUPS[test]
