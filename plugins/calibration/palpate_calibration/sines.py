@@ -105,12 +105,14 @@ def _variance_at(
     that were fitted are left out, since the fit took the noise there as well. The residual is zero but for a share of
     the readings: sums over them have so much less power, and neighbouring frequencies correlate.
     """
+    # Bins of 1/T; the line and its next bins take two of the neighbours to either side, mean and drift the lowest bins.
     power = _power(residual)
     span = float(time[-1] - time[0]) * len(time) / (len(time) - 1)
     bins = np.arange(len(power))
     distances = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
     is_neighbour = (distances > _MIN_SEPARATION) & (bins > 1) & (bins < len(power) - 1)
     is_neighbour &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
+    # A bin has two quadratures, each with half of its power.
     return float(power[is_neighbour].mean() / 2 / share**2), 2.0 * int(is_neighbour.sum()) * share
 
 

@@ -45,7 +45,8 @@ def lowest_mode(log: Floats, floor: float) -> Mode:
 
     Stiff places, and the flanks around them, lie above their surroundings only. So the mode is the first stretch of
     the order statistics, from below, of a fifth of all values that is as narrow as any before the widths grow again;
-    and the spread is the mean square distance of what lies below, without outliers there.
+    and the spread is the root mean square distance of what lies below, without outliers there. `spread_from` is the
+    number of values that it is of.
     """
     # Widths of all windows of the order statistics that have a mode's share of them.
     values = np.sort(log)

@@ -40,7 +40,7 @@ def other_layers(
             continue
         ratios = {"elastic": corrected_area / other_area, "viscous": area_slope / other_slope}
         alternatives[name] = _scaled(parameters, theta, ratios)
-    # A softer base makes the same force mean a stiffer material.
+    # A softer base makes the same force mean a stiffer material, by finite elements up to a contact of half the height.
     if isinstance(thickness, Thickness) and thickness.law == "dimitriadis" and not thickness.is_bonded:
         ratio = min(indenter.contact_radius(depth) / thickness.height, _MAX_RATIO)
         stiffening = 1.0 / (1.0 - _SLIDING_BASE * ratio)

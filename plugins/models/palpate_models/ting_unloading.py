@@ -42,7 +42,7 @@ class _TingIntegrals:
         self._unloading_speed = np.gradient(depth, time)[peak + 1 :]
         self._depth, self._touching = np.maximum(loading, 0.0), loading > 0
         self._area = np.where(self._touching, _area(model, loading), 0.0)
-        # The material: a lasting modulus, arms of a strength and a rate, and a damper, as 2 (1 + nu) times its viscosity.
+        # The material: a lasting modulus, arms of strength and rate, and a damper by 2 (1 + nu) times its viscosity.
         self._rates = np.array([rate for _, rate in law.arms])
         strengths = np.array([strength for strength, _ in law.arms])
         self._lasting = law.lasting or 0.0
