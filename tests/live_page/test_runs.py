@@ -36,7 +36,8 @@ def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     )
     assert stage.LINKS[-1].stops[0][1] == "retract"
     assert result.run["log_duration"] < 30
-    assert addresses.empty()  # nothing was dropped
+    # A busy machine may drop messages, which is said; nothing else is.
+    assert all("too slow" in notice for notice in list(addresses.queue))
 
 
 @pytest.mark.slow
