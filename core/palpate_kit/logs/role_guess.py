@@ -209,7 +209,10 @@ class RoleSearch:
         return evidence.derivative(self._columns[position], self._columns[velocity], self.step).gain, 0.0
 
     def _measured_position(self, position: int, force: int) -> int:
-        """Return the measurement if a position is a setpoint: a column much like it that is rougher, else itself."""
+        """Return the measurement if a position is a setpoint: a column much like it that is rougher, else itself.
+
+        The score of a position says how well the force follows it by a law of contact; the larger, the better.
+        """
         if "position" in self._chosen:
             return position
         min_score = self._score(position, force) / _CLEAR_RATIO

@@ -69,7 +69,8 @@ def _least_blurred_motion(
 
     `noise` is that of height [m] and velocity [m/s], `speed` [m/s] the rms velocity. Third differences take a sine of
     few samples a period for noise, and a window made for that noise flattens it; so does a velocity by central
-    differences, which is left out last of all.
+    differences, which is left out last of all. The blur of a motion is the share by which a viscosity would be too
+    high, against the sharp rate of the shortest local cubics.
     """
     motion = _motion(samples, interval, width, noise)
     by_position = noise[0], np.inf  # a velocity of infinite noise has no weight

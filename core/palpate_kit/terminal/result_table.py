@@ -151,7 +151,10 @@ class ResultFinding:
 
     @classmethod
     def of_cell(cls, cell: str, severities: Mapping[str, str]) -> Iterator[ResultFinding]:
-        """Yield the findings of a cell of ``fits.csv``, which has them in words; `severities` are those of codes."""
+        """Yield the findings of a cell of ``fits.csv``, which has them in words; `severities` are those of codes.
+
+        A finding has the causes that it suspects, and the share of each value that it may move, by the value's name.
+        """
         for text in filter(None, cell.split(_FINDING_SEPARATOR)):
             if (match := _FINDING.fullmatch(text)) is None:
                 continue

@@ -87,7 +87,7 @@ class _Pieces:
 
 
 def _sum_pieces(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> _Pieces:
-    """Return residuals and slopes, summed over pieces, of which a record has at most 200 000.
+    """Return residuals and slopes at unknowns x, summed over pieces, of which a record has at most 200 000.
 
     In the same pass over the record: A = sum psi' J J^T, the sum of squares, the products of neighbours, and the
     squares of third differences.

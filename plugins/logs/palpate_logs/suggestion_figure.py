@@ -14,7 +14,7 @@ _MAX_POINTS = 20_000  # of a curve, about: a choice, far more than the pixels of
 @style()
 def draw_suggestion(suggestion: Suggestion, name: str, path: Path) -> None:
     """Draw each role over time, and the force over the position; raises ConfigurationError, OutputError."""
-    figure, axes = figure_of(1, len(suggestion.views) + 1, height=35.0)
+    figure, axes = figure_of(1, len(suggestion.views) + 1, height=35.0)  # [mm] of a panel: a choice
     # Each role over time since the first reading of any.
     first_time = min(float(time[0]) for time, _, _ in suggestion.views.values())
     for axis, (role, (time, values, unit)) in zip(axes[:, 0], suggestion.views.items(), strict=False):

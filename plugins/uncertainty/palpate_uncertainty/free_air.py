@@ -45,7 +45,11 @@ class _Air:
 
 
 def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Return the findings on every track of a point, with their effects on its values by the model's derivatives."""
+    """Return the findings on every track of a point, with their effects on its values by the model's derivatives.
+
+    A track's ending has its last samples (`tail`), those of them that the result is a mean of (`last`), and the
+    parameters that are `held`; `by_motion` is a force that grows with speed or height in air: drag, a cable.
+    """
     findings = {}
     for track in tracks:
         end = track.ending

@@ -103,6 +103,7 @@ def refit_tests(track: TrackEvidence, contact: NDArray[np.bool_]) -> ResidualTes
 
     Innovations of a filter are not white where its model is right. Rate and acceleration are derived as by a fit.
     """
+    # The samples that the track has kept: time, force, position, velocity.
     kept = track.kept
     if track.model.memory or not np.isfinite(track.values).all():
         return None

@@ -45,7 +45,7 @@ def _table(track: TrackEvidence) -> dict[str, Any]:
     modulus = float(track.values[elastic[0]])
     if not modulus or oscillation(track.kept.time[rows], track.kept.position[rows]) is not None:
         return {}
-    # The modulus on each part of the depth.
+    # The modulus on each part of the depth: the slope of the force over that of the law with a modulus of 1.
     edges = [part * float(np.max(depth)) for part in EDGES]
     slopes = _slopes(track, rows, edges, modulus)
     if not slopes:

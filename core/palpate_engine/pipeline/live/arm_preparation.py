@@ -38,8 +38,8 @@ def send_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
 def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:
     """Raise DeviceError where what rests on the sensor and the force that stops the motion pass `force` together.
 
-    `standstill` is the mean reading [N], `offset` the sensor's reading without a load. Where that is known, what
-    differs from it is force on the skin.
+    `standstill` is the mean reading [N] of the sensor at a `port` of the alignment, `offset` its reading without a
+    load. Where that is known, what differs from it is force on the skin.
     """
     force = port.signal.channel
     if offset is None:

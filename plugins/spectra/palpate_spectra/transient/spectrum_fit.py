@@ -20,7 +20,8 @@ _INTERVAL_SIGMAS = 1.96  # of 95 % of a normal distribution; its square, 3.84, l
 def solve_spectrum(problem: PressProblem, surface: float | None) -> tuple[SpectrumFit, PressUnknowns, float, Floats]:
     """Return the spectrum of a relaxation, its rig, the surface's standard uncertainty [m], and those of the bins (m,).
 
-    The skin is at the stated `surface` [m], or where some spectrum describes the press.
+    The skin is at the stated `surface` [m], or where some spectrum describes the press. The rig is the height of the
+    skin with the rig's compliance [m/N]; `target` (m,) [N] is the force of the bins, which the spectrum is to give.
     """
     press = problem.press
     compliance = float(press.rig["compliance"])
