@@ -60,6 +60,7 @@ def surface_map_figure(
     figure, axes = figure_of(3, 3 if excluded else 2, width, _ROW_HEIGHT)
     lump_places = np.array(lumps).reshape(-1, 4)[:, :3]  # without their p
     for row, layer in zip(axes[:2], _layers(surface_map), strict=True):
+        triangles = None
         for axis, view in zip(row, _VIEWS, strict=True):
             triangles = _draw(axis, surface_map, layer, view)
             if sites is not None and view.title == "from above":

@@ -207,7 +207,10 @@ def _budget(press_law: _PressLaw, branch: Branch, declared: Declared) -> tuple[B
     """Return the budget of the modulus: the fit, the doubts that move it, and everything that is declared."""
     law, fit = press_law.law, press_law.baseline_fit.fit
     doubts = [doubt for doubt in press_law.doubts if doubt[3]]
-    rows = [modulus_row(*doubt, law, fit) for doubt in [("fit", None, "", fit.modulus_std), *doubts]]
+    rows = [
+        modulus_row(source, std, unit, contribution, law, fit)
+        for source, std, unit, contribution in [("fit", None, "", fit.modulus_std), *doubts]
+    ]
     return *rows, *declared_rows(law, branch, fit, declared)
 
 

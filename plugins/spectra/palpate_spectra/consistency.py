@@ -85,7 +85,7 @@ def _material_basis(omega: Floats) -> Phasors:
     shortest, longest = 1 / (_RANGE_FACTOR * omega.max()), _RANGE_FACTOR / omega.min()
     times = np.geomspace(shortest, longest, math.ceil(_TIMES_PER_DECADE * decades))
     omega_tau = 1j * np.outer(omega, times)
-    return np.column_stack([np.ones(len(omega)), 1j * omega, omega_tau / (1 + omega_tau)])
+    return np.column_stack([np.ones(len(omega)), 1j * omega, omega_tau / (1 + omega_tau)]).astype(np.complex128)
 
 
 def _parameter_count(strengths: Floats) -> int:

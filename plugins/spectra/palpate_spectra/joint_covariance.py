@@ -106,7 +106,8 @@ class JointFit:
 
     def _whiten(self, part: Floats) -> Floats:
         """Return L^-1 C L^-T (2 n, 2 n) of a covariance C, L the Cholesky factor of the whole."""
-        return np.linalg.solve(self.cholesky_factor, np.linalg.solve(self.cholesky_factor, part).T)
+        half_whitened = np.linalg.solve(self.cholesky_factor, part)
+        return np.asarray(np.linalg.solve(self.cholesky_factor, half_whitened.T), np.float64)
 
 
 def stack_moduli(lines: Sequence[ModulusLine], delay: float = 0.0) -> Floats:

@@ -24,7 +24,7 @@ def draw(lines: Sequence[ModulusLine], fits: Sequence[LawFit], path: Path) -> No
     """Draw G' and G'' over frequency, and tan(delta), with 95 % intervals and the laws that the data support."""
     figure, panels = figure_of(2)
     moduli, ratio = panels.ravel()
-    shear = np.array([line.shear for line in lines])
+    shear = np.array([line.shear for line in lines], np.complex128)
     _draw_lines(moduli, ratio, lines)
     _draw_laws(moduli, ratio, lines, supported_laws(fits))
     is_positive = bool((shear.imag > 0).all() and (shear.real > 0).all())
